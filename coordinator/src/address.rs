@@ -1,13 +1,13 @@
-//! Addresses to listen on, from the command line.
+//! Listen addresses from the command line.
 
 use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
 
 const EXPECTED: &str = "expected ADDR:PORT or NAME:PORT, as in 127.0.0.1:7325, [::1]:7325 or localhost:0";
 
-/// An address, or a name, which is resolved, and a port.
+/// Parse an address and port, or a name and port. The name is resolved.
 ///
-/// Of several addresses of a name it is the first that is one of this machine, IPv4 before IPv6 as where nobody says
-/// anything.
+/// If a name has several addresses, the first that belongs to this machine is used, IPv4 before IPv6; without any, the
+/// first.
 pub fn listen(text: &str) -> Result<SocketAddr, String> {
     if let Ok(address) = text.parse() {
         return Ok(address);

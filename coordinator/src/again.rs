@@ -1,4 +1,4 @@
-//! What a disk did not take is written again, as checkpoints are.
+//! Repeats writes that a disk refused, as checkpoints do.
 
 use crate::failure::Failure;
 use beamfarm_coordinator::Farm;
@@ -8,13 +8,13 @@ use tokio::task::block_in_place;
 use tokio::time::{Instant, sleep};
 use tracing::warn;
 
-/// Time until what cannot be written is given up.
+/// Time after which writing is given up.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// Whether nobody wants to wait any more.
+/// Whether waiting should stop.
 pub type IsOver<'a> = dyn Fn() -> bool + Sync + 'a;
 
-/// Attempts to write, all of them within one patience.
+/// Repeated attempts to write, all within one time limit.
 pub struct Again {
     /// When the first attempt failed.
     since: Option<Instant>,
@@ -33,7 +33,8 @@ impl Default for Again {
 }
 
 impl Again {
-    /// What became of a job's folder, whose keeper left it like this: it gets what the farm holds.
+    /// Write the farm's state to a job's folder until it succeeds or is given up. `kept`: the result of the keeper's
+    /// own last attempt.
     pub async fn keep_end(
         &mut self,
         is_over: &IsOver<'_>,
@@ -53,7 +54,7 @@ impl Again {
         }
     }
 
-    /// Have the folder say how the job ended.
+    /// Write the report on how the job ended into its folder.
     pub async fn report(
         &mut self,
         is_over: &IsOver<'_>,
@@ -71,8 +72,8 @@ impl Again {
         }
     }
 
-    /// What an attempt to write came to, when there is to be no other; nothing when it is time for the next. `is_over`:
-    /// nobody wants to wait any more.
+    /// The final result of an attempt to write; `None` after a pause if another attempt should follow. `is_over`:
+    /// waiting should stop.
     pub async fn settled<T>(&mut self, attempt: Result<T, Failure>, is_over: bool) -> Option<Result<T, Failure>> {
         let is_late = self.since.is_some_and(|since| since.elapsed() >= self.patience);
         match attempt {
@@ -87,7 +88,7 @@ impl Again {
     }
 }
 
-/// Say that it is not the end.
+/// Warn that another attempt follows.
 pub fn warn_of(failure: &Failure) {
     let message = failure.to_string();
     let plain = message.strip_prefix("error: ").unwrap_or(&message);
@@ -111,7 +112,7 @@ mod tests {
         }
     }
 
-    /// Attempts at what fails so often; the result, and how many there were.
+    /// Attempts at a write that fails `failures` times. Returns the result and the number of attempts.
     async fn attempts(again: &mut Again, failures: u32, kind: ErrorKind, is_over: bool) -> (Result<u32, Failure>, u32) {
         for count in 1.. {
             let attempt = match count <= failures {
@@ -138,7 +139,7 @@ mod tests {
         let mut again = quick();
         let (written, count) = attempts(&mut again, u32::MAX, ErrorKind::StorageFull, false).await;
         assert!(written.is_err() && count > 1, "{count}");
-        // One patience is for all that a frame writes.
+        // One time limit applies to everything that a frame writes.
         let (written, count) = attempts(&mut again, u32::MAX, ErrorKind::StorageFull, false).await;
         assert_eq!((written.is_err(), count), (true, 1));
         let (written, count) = attempts(&mut quick(), u32::MAX, ErrorKind::StorageFull, true).await;

@@ -1,4 +1,4 @@
-//! The layers that are rendered beside the image, from the command line.
+//! The layers that are rendered in addition to the image, from the command line.
 
 use beamfarm_image::layer::{LIGHT, Layer};
 use beamfarm_render::plan::aov::light_layers;
@@ -49,17 +49,17 @@ pub enum Aov {
 }
 
 impl Aov {
-    /// What a picture is denoised by.
+    /// The layers that denoising needs.
     pub const DENOISING: [Self; 4] = [Self::Depth, Self::Normal, Self::Albedo, Self::Odd];
 
-    /// Those that were asked for, each once.
+    /// The requested layers, each once.
     pub fn all(asked: &[Self]) -> Vec<Self> {
         let wanted = |aov: &Self| asked.contains(aov) || asked.contains(&Self::All);
         let kinds = Self::value_variants().iter().copied();
         kinds.filter(wanted).collect()
     }
 
-    /// What the names of its channels in an image begin with.
+    /// Prefix of its channels' names in an image.
     pub fn channels(self) -> String {
         match self {
             Self::Lights => LIGHT.into(),
@@ -75,7 +75,7 @@ impl Aov {
         }
     }
 
-    /// The layer that it is, if it is one.
+    /// The corresponding layer, if it is one.
     fn layer(self) -> Option<Layer> {
         let value = self.to_possible_value()?;
         value.get_name().parse().ok()
@@ -86,7 +86,7 @@ impl Aov {
 mod tests {
     use super::*;
 
-    /// All that are layers are called as those are.
+    /// Layers and options have the same names.
     #[test]
     fn channels_are_those_of_layers() {
         let of = |aov: Aov| (aov.layer().is_some(), aov.channels());

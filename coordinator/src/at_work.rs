@@ -1,4 +1,4 @@
-//! A job while it runs: what is shown and kept of it, and what ends it.
+//! A running job: how it is shown and recorded, and what ends it.
 
 use crate::failure::Failure;
 use crate::history::History;
@@ -20,10 +20,10 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval};
 
-/// Time between looks for the first pass.
+/// Time between checks for the first pass.
 const FIRST_LOOK: Duration = Duration::from_millis(500);
 
-/// The record beside the image, from where an earlier coordinator of the job left it.
+/// The record next to the image, continued from an earlier coordinator of the job.
 fn begin_history(watch: &Watch, output: &Output) -> Arc<History> {
     let before = watch.farm().snapshot();
     let seconds = Duration::try_from_secs_f64(before.seconds).unwrap_or_default();
@@ -32,20 +32,20 @@ fn begin_history(watch: &Watch, output: &Output) -> Arc<History> {
     history
 }
 
-/// A job that runs.
+/// A running job.
 pub struct AtWork<'a> {
     args: &'a JobArgs,
     output: &'a Output,
     watch: &'a Arc<Watch>,
     history: Arc<History>,
-    /// What lines of progress begin with.
+    /// Prefix of progress lines.
     label: String,
-    /// It was said that the image is black.
+    /// Whether a warning about a black image was printed.
     is_dark: AtomicBool,
 }
 
 impl<'a> AtWork<'a> {
-    /// Time starts now.
+    /// Start the job's clock.
     pub fn begin(args: &'a JobArgs, output: &'a Output, watch: &'a Arc<Watch>, label: String) -> Self {
         Self {
             args,
@@ -57,13 +57,13 @@ impl<'a> AtWork<'a> {
         }
     }
 
-    /// A job that does not begin with the first pass makes no image.
+    /// A job that does not start with pass 0 makes no image.
     fn makes_image(&self) -> bool {
         self.args.first_pass == 0
     }
 
-    /// Show and keep what there is, and write it when somebody asks, until no more passes are to be taken. Its time
-    /// runs from its turn on; `broken` says what had to keep running and does not.
+    /// Show and record progress, and write the image on request, until the job should stop. Its time starts when its
+    /// turn comes; `broken` reports the failure of something that it depends on.
     pub async fn until_it_stops(
         &self,
         turn: impl Future<Output = ()>,
@@ -89,7 +89,7 @@ impl<'a> AtWork<'a> {
         };
         let write_on_request = write_on_request(self.watch, hang_ups, || write_now(farm, self.output, view));
         tokio::select! {
-            // First: a job that was finished before needs no crew.
+            // First: a job that is already complete needs no workers.
             biased;
             end = farm.ended() => Stop::Ended(end),
             () = drain => Stop::Signal,
@@ -107,7 +107,7 @@ impl<'a> AtWork<'a> {
         pending().await
     }
 
-    /// Say early that nothing will come of it.
+    /// Warn early if the image stays black.
     async fn look_for_light(&self) -> Infallible {
         let mut looks = interval(FIRST_LOOK);
         looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -146,7 +146,7 @@ impl<'a> AtWork<'a> {
         pending().await
     }
 
-    /// Write the image for the last time, if the job makes one.
+    /// Write the final image, if the job makes one.
     pub async fn write(&self) -> Result<Option<Written>, Failure> {
         if !self.makes_image() {
             return Ok(None);
@@ -160,8 +160,8 @@ impl<'a> AtWork<'a> {
         Ok(written)
     }
 
-    /// Write a coarse picture, where a job that makes an image was stopped before it had any. What was written, for
-    /// people.
+    /// Write a coarse picture if a job that makes an image was stopped before its first pass. Returns what was written,
+    /// for display.
     pub async fn write_sketch(&self, stop: &Stop) -> Result<Option<String>, Failure> {
         let is_stopped = matches!(stop, Stop::Time | Stop::Signal | Stop::Ended(End::Stopped));
         let Some(coarse) = self.output.sketch.clone().filter(|_| is_stopped && self.makes_image()) else {

@@ -1,14 +1,14 @@
-//! Which option an error of a scene comes from: what stands on the command line is in no line of a file.
+//! Finds the option that caused a scene error, as command-line values have no line in a file.
 
 use beamfarm_scene::{ImportOptions, SceneError, errors};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// The errors, those that come from one of the fields on the command line (`-D NAME=VALUE`) with its text in place of a
-/// line. `is_native`: whether the scene is read as it stands there.
+/// The errors; one that a field on the command line (`-D NAME=VALUE`) caused quotes that option in place of a line.
+/// `is_native`: the scene is read as it is on disk.
 pub fn blamed(scene: &Path, options: &ImportOptions, found: Vec<SceneError>, is_native: bool) -> Vec<SceneError> {
     let fields = &options.edits.fields;
-    // Of the scene as it is without each of them, where its errors are needed.
+    // Per field, the errors of the scene without it, computed on demand.
     let mut without: Vec<Option<BTreeSet<String>>> = vec![None; fields.len()];
     let mut is_from = |i: usize, message: &str| {
         let said = without[i].get_or_insert_with(|| {
@@ -36,7 +36,7 @@ pub fn blamed(scene: &Path, options: &ImportOptions, found: Vec<SceneError>, is_
     found.into_iter().map(&mut blame).collect()
 }
 
-/// Whether a message is about this field, or about a part of it.
+/// Whether a message is about this field or a part of it.
 fn is_about(message: &str, name: &str) -> bool {
     let field = message.split(": ").next().unwrap_or_default();
     let rest = field.strip_prefix(name);

@@ -18,8 +18,8 @@ use tokio::sync::{oneshot, watch};
 use tokio::task::JoinError;
 use tracing::{Instrument, error_span, warn};
 
-/// Serve a farm until its job ends in whatever way, or somebody wants it to (`drain`), then write what is complete.
-/// `crew` runs beside it and only ends early to say what went wrong.
+/// Serve a farm until its job ends or `drain` asks for it, then write the complete passes. `crew` runs alongside and
+/// ends early only to report a failure.
 pub async fn conduct(
     args: &JobArgs,
     output: &Output,
@@ -36,7 +36,7 @@ pub async fn conduct(
     done
 }
 
-/// When the job ends, and what it is called.
+/// Stopping conditions and display of the job.
 pub fn terms(args: &JobArgs, output: &Output, view: View) -> Terms {
     Terms {
         title: output.title(),
@@ -69,7 +69,7 @@ async fn run(
     let keeper = keeper.transpose()?;
     let (close, closed) = oneshot::channel::<()>();
     let closed = async {
-        // Comes as an error: nothing is ever sent.
+        // Resolves with an error, as nothing is ever sent.
         let _ = closed.await;
     };
     let address = entrance.listener.local_addr().map_err(Failure::io)?;
@@ -98,7 +98,7 @@ async fn run(
             .await
             .map_err(Failure::io)?,
     };
-    // Whoever does not want to wait for a disk sends another signal.
+    // Another signal stops the wait for a disk.
     let (mut again, never) = (Again::default(), || false);
     let image = loop {
         if let Some(image) = again.settled(job.write().await, false).await {
@@ -128,7 +128,7 @@ async fn run(
     if !args.quiet {
         summary.print();
     }
-    // In the folder and by the exit code as well.
+    // In the folder and in the exit code as well.
     let reported = again.report(&never, folder.as_ref(), &summary.report()).await;
     kept.and(reported).map_err(|failure| match folder {
         Some(_) => failure.and("what the job folder holds is older than the image"),
@@ -143,7 +143,7 @@ pub fn warn_of_bias(output: &Output) {
     }
 }
 
-/// What went wrong with the crew: it ends in peace only with the farm.
+/// The crew's failure. A crew that ends without one waits for the farm to end.
 pub async fn broken_crew(crew: impl Future<Output = Result<(), String>>) -> String {
     match crew.await {
         Ok(()) => pending().await,
@@ -151,7 +151,7 @@ pub async fn broken_crew(crew: impl Future<Output = Result<(), String>>) -> Stri
     }
 }
 
-/// A server ends by itself only when something is wrong.
+/// A server that ends on its own has failed.
 pub fn broken_server(served: Result<(), JoinError>) -> String {
     match served {
         Ok(()) => "the server: ended early".into(),

@@ -1,4 +1,4 @@
-//! Which engine is better for a scene on this machine: both render some of its first passes, as `render` would.
+//! Which engine is better for a scene on this machine: each renders some of its first passes, as `render` would.
 
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{EngineKind, JobSettings};
@@ -11,22 +11,23 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Passes of each engine: at least so many, then for so long, and no more.
+/// Passes per engine: at least `LEAST`, then until `TIME` is over, at most `MOST`.
 const LEAST: u64 = 4;
 const TIME: Duration = Duration::from_millis(1500);
 const MOST: u64 = 64;
 
-/// A scene and how an engine would render it.
+/// A scene and how one engine would render it.
 pub struct Contestant<'a> {
     pub description: &'a SceneDescription,
-    /// The engine is that of its settings.
+    /// Includes the engine.
     pub settings: JobSettings,
     pub layers: &'a [Layer],
-    /// Number of the device, or a part of its name.
+    /// Device number, or part of its name.
     pub gpu: &'a str,
 }
 
-/// The device that takes part: what is named, or the best card. Drivers in software are slower than what they run on.
+/// The device that takes part: the named one, or the best card. A software driver is not a card: it is slower than the
+/// processors it runs on.
 pub fn device(gpu: &str) -> Result<String, EngineError> {
     match gpu {
         "" => Ok(engine::best_card()?.to_string()),
@@ -34,10 +35,10 @@ pub fn device(gpu: &str) -> Result<String, EngineError> {
     }
 }
 
-/// The better one, and why, for people.
+/// The better engine, and why, for display.
 ///
 /// # Errors
-/// One of them cannot render the scene.
+/// One of the engines cannot render the scene.
 pub fn held(cpu: &Contestant<'_>, gpu: &Contestant<'_>) -> Result<(EngineKind, String), EngineError> {
     let both = [cpu.render()?, gpu.render()?];
     let same = both.iter().map(|run| run.films.len()).min().unwrap_or_default();
@@ -49,28 +50,29 @@ pub fn held(cpu: &Contestant<'_>, gpu: &Contestant<'_>) -> Result<(EngineKind, S
 struct Run {
     /// Passes from the first on.
     films: Vec<Film>,
-    /// For one of them.
+    /// Seconds per pass.
     seconds: f64,
 }
 
 /// How good an engine is.
 #[derive(Clone, Copy, Debug)]
 struct Mark {
-    /// Seconds for a pass.
+    /// Seconds per pass.
     seconds: f64,
-    /// Relative standard error of a pass.
+    /// Relative standard error of a single pass.
     error: f64,
 }
 
 impl Mark {
-    /// Variance times time: what the variance is after a given time, but for a factor that both have.
+    /// Variance times time, up to a common factor.
     fn cost(self) -> f64 {
         self.error * self.error * self.seconds
     }
 }
 
 impl Contestant<'_> {
-    /// Each pass waits for none, as with workers. What comes before the first, kernels among it, does not count.
+    /// Passes do not wait for each other, as with workers. Preparation before the first, such as compiling kernels,
+    /// does not count.
     fn render(&self) -> Result<Run, EngineError> {
         let broke = |what: String| EngineError::Broke(what);
         let scene = Scene::new(self.description.clone());
@@ -109,11 +111,11 @@ impl Contestant<'_> {
 }
 
 impl Run {
-    /// By so many of its first passes: later ones have narrower kernels, and more noise.
+    /// Judged by its first `passes` passes: later ones have narrower kernels and more noise.
     fn mark(self, passes: usize) -> Mark {
         let mut sum = self.films.first().map(|film| TreeSum::new(film.width, film.height));
         for (index, film) in self.films.into_iter().take(passes).enumerate() {
-            // They are of one size and come in order.
+            // Cannot fail: they have the same size and come in order.
             if let Some(sum) = &mut sum {
                 let _ = sum.insert(Node::leaf(index as u64, film));
             }
@@ -127,7 +129,7 @@ impl Run {
     }
 }
 
-/// Where the error is not known, as of a picture without light, time alone counts.
+/// If an error is unknown, as for a black picture, only time counts.
 fn judge(cpu: Mark, gpu: Mark, passes: usize) -> (EngineKind, String) {
     let known = [cpu, gpu].iter().all(|mark| mark.error.is_finite() && mark.error > 0.0);
     let cost = |mark: Mark| if known { mark.cost() } else { mark.seconds };
@@ -167,7 +169,7 @@ mod tests {
             "engine gpu: error² x time is 0.200 of that of cpu, by 8 passes of each (20.00 ms a pass with 20.0 % error; \
              cpu 100.00 ms a pass with 20.0 % error)"
         );
-        // Quicker passes, and much more noise.
+        // Faster passes with much more noise.
         let (engine, note) = judge(mark(0.1, 0.1), mark(0.05, 0.2), 8);
         assert_eq!(engine, EngineKind::Cpu);
         assert!(
@@ -195,11 +197,11 @@ mod tests {
         let values = [9.0, 11.0, 9.5, 10.5, 9.0, 11.0, 10.5, 9.5];
         let few = of(&values[..4]).mark(4);
         assert_eq!(few.seconds, 0.5);
-        // Later passes say nothing, and twice the noise is twice the error.
+        // Later passes are ignored, and twice the noise gives twice the error.
         assert_eq!(of(&values).mark(4).error, few.error);
         let wider = values.map(|value| 2.0 * value - 10.0);
         assert!((of(&wider).mark(4).error / few.error - 2.0).abs() < 1e-6);
-        // Of a pass, however many there are.
+        // The error is that of one pass, however many there are.
         let more = of(&values).mark(8).error;
         assert!((0.5..2.0).contains(&(more / few.error)), "{more} {few:?}");
     }

@@ -1,4 +1,4 @@
-//! `beamfarm convert`: Mitsuba's scenes and glTF files in the native form.
+//! `beamfarm convert`: Mitsuba scenes and glTF files to native scenes.
 
 use crate::failure::Failure;
 use crate::import::{ImportArgs, announce};
@@ -55,12 +55,12 @@ pub fn main(args: ConvertArgs) -> Result<(), Failure> {
     }
     let folder = args.output.parent().unwrap_or(Path::new(""));
     let options = args.import.options(&args.scene)?;
-    // Before the scene is read: paths from a folder that there is not lead nowhere.
+    // Before the scene is read: relative paths from a missing folder do not resolve.
     if !folder.as_os_str().is_empty() {
         make_folder(folder)?;
     }
     let file = SceneFile::read_for(&args.scene, folder, &options)?;
-    // A file that cannot be rendered is of no use.
+    // Refuse to write a file that cannot be rendered.
     let description = file.load()?;
     for name in &file.made {
         let bytes = file.bundle.files.get(&bundle::key(name)).map_or(&[][..], Vec::as_slice);

@@ -1,4 +1,4 @@
-//! `beamfarm denoise`: a picture with less noise, of an image that has the layers for it.
+//! `beamfarm denoise`: a less noisy picture from an image that has the layers for it.
 
 use crate::failure::Failure;
 use crate::output::{check, denoised_name, write_both};

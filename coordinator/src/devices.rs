@@ -1,4 +1,4 @@
-//! `beamfarm devices`: what `--engine gpu` can render on.
+//! `beamfarm devices`: the devices for `--engine gpu`.
 
 use crate::failure::Failure;
 use crate::output::print_text;
@@ -25,7 +25,7 @@ pub fn main() -> Result<(), Failure> {
     }
 }
 
-/// A line each, and one above that says what is what.
+/// One line per device, under a heading.
 fn table(all: &[Found]) -> String {
     let mut table = Table::new();
     table.load_style(NOTHING);

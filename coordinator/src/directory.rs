@@ -1,4 +1,4 @@
-//! Where a job is kept while it runs, and what it begins with.
+//! Where a job is kept while it runs, and what it starts with.
 
 use crate::failure::Failure;
 use crate::job::JobArgs;
@@ -12,19 +12,18 @@ use std::path::PathBuf;
 use std::time::Duration;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 
-/// Fields of a scene that are named.
+/// The most differing fields that are listed.
 const SHOWN: usize = 20;
 
-/// A job directory and what the farm will tell it.
+/// A job directory, and the channel on which the farm reports to it.
 pub struct Directory {
     pub folder: Folder,
     pub entries: UnboundedReceiver<Entry>,
 }
 
-/// What a job begins with, and where it is kept. `by_default`: make a directory even if nobody asked for it.
+/// What a job starts with, and where it is kept. `by_default`: create a directory even if none was requested.
 ///
-/// A directory that is there is resumed; `spec` then has the number of passes that it says, unless someone asked for
-/// another.
+/// An existing directory is resumed; `spec` then gets its number of passes unless another was requested.
 pub fn prepare(
     args: &JobArgs,
     spec: &mut JobSpec,
@@ -90,7 +89,7 @@ pub fn prepare(
     Ok((Some(Directory { folder, entries }), start))
 }
 
-/// What a job folder and this job differ in, field by field, and what can be done about it.
+/// Lists how a job folder differs from this job, field by field, and what to do about it.
 fn explain(error: StoreError, spec: &JobSpec) -> Failure {
     let (path, differences, scene) = match error {
         StoreError::Different {
@@ -107,7 +106,7 @@ fn explain(error: StoreError, spec: &JobSpec) -> Failure {
     let more = fields.len().saturating_sub(SHOWN);
     let mut lines: Vec<String> = fields.into_iter().take(SHOWN).collect();
     lines.extend((more > 0).then(|| format!("and {more} more")));
-    // In place of the scene's hashes, and beside what is no field of it.
+    // In place of the scene's hashes, and in addition to differences outside the scene.
     let others = differences
         .split("; ")
         .filter(|line| !line.starts_with("scene ") || lines.is_empty());
@@ -121,7 +120,7 @@ fn explain(error: StoreError, spec: &JobSpec) -> Failure {
     ))
 }
 
-/// The image of a prefix that was passed by cannot be had any more.
+/// The image of a prefix that the job has already passed is no longer available.
 fn refuse_missed(target: Target, tested: &[(u64, Errors)]) -> Result<(), Failure> {
     let met = tested.iter().find(|(_, errors)| target.is_met_by(errors));
     match met {

@@ -1,4 +1,4 @@
-//! What shells and `man` know of the command.
+//! Shell completions and manual pages.
 
 use crate::failure::Failure;
 use crate::output::{make_folder, print_text};
@@ -40,7 +40,7 @@ pub fn completions<C: CommandFactory>(args: CompletionsArgs) -> Result<(), Failu
     print_text(&String::from_utf8_lossy(&script))
 }
 
-/// A page for the command itself and one for each that people call.
+/// One page for the command and one for each visible subcommand.
 pub fn man<C: CommandFactory>(args: &ManArgs) -> Result<(), Failure> {
     let folder = &args.folder;
     make_folder(folder)?;

@@ -1,4 +1,4 @@
-//! A job before its coordinator: its scene is loaded, and a pilot may be at work.
+//! A job before its coordinator starts: its scene is loaded, and a pilot may be running.
 
 use crate::failure::Failure;
 use crate::job::JobArgs;
@@ -10,14 +10,14 @@ use std::path::Path;
 use tokio::sync::{oneshot, watch};
 use tracing::warn;
 
-/// Load the scene of a job. A signal ends that, however long a pilot takes, with a coarse picture if there is one.
+/// Load the scene of a job. A signal interrupts even a long pilot, and then writes a coarse picture if there is one.
 pub async fn load(args: &JobArgs, drain: &mut watch::Receiver<bool>) -> Result<Loaded, Failure> {
-    // A pilot may take as long as rendering.
+    // Check first, as a pilot may take as long as rendering.
     args.output.as_deref().map_or(Ok(()), check)?;
     let (sender, loaded) = oneshot::channel();
     let (known, early) = oneshot::channel();
     let own = args.clone();
-    // A thread that nobody waits for at the end.
+    // A thread that is not joined.
     std::thread::spawn(move || {
         let tell = |early: Early| {
             early.announce(own.quiet);
@@ -28,7 +28,7 @@ pub async fn load(args: &JobArgs, drain: &mut watch::Receiver<bool>) -> Result<L
             {
                 warn!("{failure}");
             }
-            // Fails when it was stopped.
+            // Fails if loading was stopped.
             let _ = known.send(early);
         };
         let choosing = |scene| own.choosing("", scene);

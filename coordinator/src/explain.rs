@@ -37,12 +37,12 @@ One fact a line: `uses` and `skips` name a stage of every pass or one that the s
 pictures before the first pass and compares ways to find the light: `chosen` is the one that passes take, `tried` are
 the others. It compares only what neither the scene nor an option decides.";
 
-/// What stands above the candidates of a pilot.
+/// Heading of a pilot's candidates.
 const PILOT: &str = "What the pilot compared, by squared error x time: 0.5 takes half the time for the same noise.\n\
                      The first is 1, and stays unless another is clearly better:";
 
 pub fn main(args: ExplainArgs) -> Result<(), Failure> {
-    // What a device cannot do is told beside the plan.
+    // What a device cannot do is reported next to the plan.
     let settings = SettingsArgs {
         device: None,
         ..args.settings.clone()
@@ -50,7 +50,7 @@ pub fn main(args: ExplainArgs) -> Result<(), Failure> {
     let loaded = settings.load(false)?;
     let extents = args.settings.of.file()?.extents()?;
     loaded.announce();
-    // A driver is only asked for by name: what it says of its limits is the machine's, and not the scene's.
+    // A driver is only asked if it was named: its limits belong to the machine, not to the scene.
     let place = match args.device.gpu {
         Some(_) => args.device.here(),
         None => Where::Elsewhere,
@@ -58,7 +58,7 @@ pub fn main(args: ExplainArgs) -> Result<(), Failure> {
     print_text(&text(loaded, &extents, &place)?)
 }
 
-/// The plan of a scene, what a pilot chose among, and what a device at this place says of it.
+/// The plan of a scene, the pilot's candidates, and whether the device at this place can render it.
 pub fn text(loaded: Loaded, extents: &[Extent], place: &Where) -> Result<String, Failure> {
     let hash = loaded.bundle.hash();
     let scene = Scene::new(loaded.description);
@@ -75,8 +75,8 @@ pub fn text(loaded: Loaded, extents: &[Extent], place: &Where) -> Result<String,
     Ok(format!("scene {hash}\n\n{plan}{choice}{engine}{places}"))
 }
 
-/// Whether devices can render the scene, and what that takes, or all that keeps it from them; nothing where the program
-/// has no such engine.
+/// Whether devices can render the scene and what that takes, or everything that prevents it. Empty if the program has
+/// no such engine.
 fn engine(scene: &Scene, settings: JobSettings, layers: &[Layer], place: &Where) -> Result<String, Failure> {
     let plan = RenderPlan::new(scene, settings).with_layers(scene, layers);
     Ok(match engine::check(scene, &plan.map_err(Failure::usage)?, place) {
@@ -95,7 +95,7 @@ fn engine(scene: &Scene, settings: JobSettings, layers: &[Layer], place: &Where)
     })
 }
 
-/// Where things are: a line each, and one for all.
+/// Where things are: one line each, and one for all.
 fn places(extents: &[Extent]) -> String {
     let lines = extents.iter().map(
         |Extent {
@@ -112,12 +112,12 @@ fn places(extents: &[Extent]) -> String {
     }
 }
 
-/// What a pilot chose among, a line each.
+/// The pilot's candidates, one line each.
 fn candidates(choice: &Choice) -> String {
     let first = choice.candidates[0].cost();
     let lines = choice.candidates.iter().enumerate().map(|(number, candidate)| {
         let mark = if number == choice.best { "chosen" } else { "tried " };
-        // A picture without any light has no error.
+        // A black picture has no error.
         let cost = if first > 0.0 { candidate.cost() / first } else { 1.0 };
         let JobSettings {
             techniques,

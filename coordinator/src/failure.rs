@@ -11,10 +11,10 @@ use std::fmt::Display;
 use std::io;
 use std::process::ExitCode;
 
-/// How a message begins on a coordinator that cannot be reached, to which its address is added.
+/// Start of the message for an unreachable coordinator; its address is appended.
 pub const UNREACHABLE: &str = "cannot reach the coordinator";
 
-/// What a command says when it does not succeed.
+/// Why a command failed.
 #[derive(Debug)]
 pub struct Failure {
     code: u8,
@@ -23,15 +23,15 @@ pub struct Failure {
     cause: Cause,
 }
 
-/// What is at fault, for programs.
+/// The cause, for programs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Cause {
-    /// The exit code says it.
+    /// See the exit code.
     #[default]
     Other,
-    /// The scene: all that is wrong with it.
+    /// The scene, with all its errors.
     Scene(Vec<SceneError>),
-    /// There is no device for passes, or it did not do what it was asked.
+    /// There is no device for passes, or it failed.
     Device,
     /// There is not enough memory.
     Memory,
@@ -74,7 +74,7 @@ impl Failure {
             ..Self::io(message)
         }
     }
-    /// What is at fault.
+    /// The cause.
     pub fn cause(&self) -> &Cause {
         &self.cause
     }
@@ -82,36 +82,36 @@ impl Failure {
     pub fn code(&self) -> u8 {
         self.code
     }
-    /// Of an error of the operating system.
+    /// From an error of the operating system.
     pub fn because_of(error: &io::Error, message: impl Display) -> Self {
         Self {
             may_pass: may_pass(error.kind()) && error.kind() != io::ErrorKind::NotFound,
             ..Self::io(message)
         }
     }
-    /// The same of what is written to a folder that was there before.
+    /// The same for writing to a folder that existed before.
     fn of_writing(error: &io::Error, message: impl Display) -> Self {
         Self {
             may_pass: may_pass(error.kind()),
             ..Self::io(message)
         }
     }
-    /// The same, and what else has to be known.
+    /// The same with additional information.
     pub fn and(self, more: &str) -> Self {
         Self {
             message: format!("{}; {more}", self.message),
             ..self
         }
     }
-    /// The same, which comes of something that was there before and may be there again.
+    /// The same, marked as temporary: its cause existed before and may recover.
     pub fn passing(self) -> Self {
         Self { may_pass: true, ..self }
     }
-    /// Whether the same may succeed a little later, without anybody changing what is asked: a disk is full, say.
+    /// Whether a later attempt may succeed without a change of the request, for example when a disk is full.
     pub fn may_pass(&self) -> bool {
         self.may_pass
     }
-    /// Which coordinator it was that cannot be reached, at this address, and what else may be wrong.
+    /// Add the address of an unreachable coordinator, and what else may be wrong.
     pub fn with_hint(self, url: &str) -> Self {
         match self.code {
             exit::UNREACHABLE => {
@@ -135,7 +135,7 @@ impl Display for Failure {
     }
 }
 
-/// A line each.
+/// One line each.
 impl From<Vec<SceneError>> for Failure {
     fn from(errors: Vec<SceneError>) -> Self {
         let lines: Vec<String> = errors.iter().map(ToString::to_string).collect();
@@ -146,7 +146,7 @@ impl From<Vec<SceneError>> for Failure {
     }
 }
 
-/// As compilers do, file and line first, so that editors can jump there.
+/// As compilers do, with file and line first, so that editors can jump there.
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {
         vec![error].into()
@@ -194,8 +194,8 @@ impl From<NotRendered> for Failure {
     }
 }
 
-/// What others cause and others end: room on a disk, a network, a file system that is gone for a while. That is most
-/// of what systems say, and not all of it has a name; the rest is known.
+/// Whether an error is temporary and outside the program: disk space, network, a file system that is away. Most system
+/// errors are, and some have no named kind, so the permanent ones are listed.
 fn may_pass(kind: io::ErrorKind) -> bool {
     use io::ErrorKind::{
         AlreadyExists, FileTooLarge, InvalidData, InvalidFilename, InvalidInput, IsADirectory, NotADirectory,
@@ -220,10 +220,10 @@ mod tests {
     use super::*;
     use io::ErrorKind;
 
-    /// Also when it comes through the errors of others. A folder that was never there is another matter.
+    /// Also if it is wrapped in other errors. A folder that never existed is a different matter.
     #[test]
     fn disks_that_are_full_or_gone_may_come_back() {
-        // EIO has no kind with a name.
+        // EIO has no named kind.
         let gone = io::Error::from_raw_os_error(5).kind();
         for (kind, expected) in [
             (ErrorKind::StorageFull, true),
@@ -234,7 +234,7 @@ mod tests {
             (ErrorKind::NotFound, true),
             (gone, true),
             (ErrorKind::PermissionDenied, false),
-            // A limit on the size of files.
+            // A file size limit.
             (ErrorKind::FileTooLarge, false),
         ] {
             let path = std::path::PathBuf::from("a.exr");

@@ -1,10 +1,10 @@
-//! Which frames, from the command line.
+//! The list of frames from the command line.
 
 use clap::Args;
 use std::collections::BTreeSet;
 use std::str::FromStr;
 
-/// Frames that one command may have.
+/// The most frames of one command.
 const MOST: usize = 100_000;
 
 /// Frames of an animation.
@@ -28,9 +28,9 @@ pub struct FrameArgs {
 /// What `--frames` takes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FrameList {
-    /// All that the scene says.
+    /// All frames of the scene's animation.
     All,
-    /// These, in order.
+    /// These frames, in order.
     Listed(Vec<i64>),
 }
 
@@ -78,7 +78,7 @@ fn range(text: &str) -> Result<impl Iterator<Item = i64>, String> {
     }
 }
 
-/// The seed of a frame where each has its own.
+/// The seed of a frame when each frame has its own.
 pub fn seed_of(seed: u64, frame: i64) -> u64 {
     let bytes = [seed.to_le_bytes(), frame.to_le_bytes()].concat();
     let hash = blake3::hash(&bytes);
@@ -87,7 +87,7 @@ pub fn seed_of(seed: u64, frame: i64) -> u64 {
 }
 
 impl FrameList {
-    /// The frames, of a scene that has these.
+    /// The frames to render, given the scene's first and last frame.
     pub fn of(&self, [first, last]: [i64; 2]) -> Result<Vec<i64>, String> {
         match self {
             Self::All => {

@@ -1,4 +1,4 @@
-//! The error-against-time record of a job, beside its image.
+//! The record of a job's error over time, next to its image.
 
 use crate::failure::Failure;
 use beamfarm_coordinator::store::RETRY;
@@ -21,10 +21,10 @@ passes, wall_seconds since the job began, worker_seconds (the same summed over t
 photon_paths, beams, beam_evaluations, surface_photons (of all passes that had arrived by then),
 relative_standard_error (estimated; empty for one pass).";
 
-/// Time between looks at the number of passes.
+/// Time between checks of the number of passes.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// A job when so many passes were complete.
+/// The job at a number of complete passes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Row {
     passes: u64,
@@ -37,11 +37,11 @@ struct Row {
     relative_standard_error: Option<f64>,
 }
 
-/// The rows so far, and the file that they are in.
+/// The rows so far, and their file.
 pub struct History {
     path: PathBuf,
     started: Instant,
-    /// Time that earlier coordinators of the job took.
+    /// Time that earlier coordinators spent on the job.
     before: Duration,
     state: Mutex<State>,
 }
@@ -54,7 +54,7 @@ struct State {
 }
 
 impl State {
-    /// Workers that are there now count from the last look on.
+    /// Credit the current workers with the time since the last call.
     fn look(&mut self, now: Duration, workers: u32) {
         let since = now.saturating_sub(self.looked).as_secs_f64();
         self.worker_seconds += since * f64::from(workers);
@@ -78,7 +78,7 @@ impl State {
             surface_photons: stats.surface_photons,
             relative_standard_error: Some(error).filter(|error| error.is_finite()),
         };
-        // More may be known of the same passes by the end, but not sooner.
+        // A row with the same passes may get an error at the end, but not before.
         if self.rows.last().is_none_or(|last| last.passes < row.passes) {
             self.rows.push(row);
         }
@@ -86,8 +86,8 @@ impl State {
 }
 
 impl History {
-    /// The record beside this image. Of a job that goes on with so many passes after this time, it keeps the rows that
-    /// there are up to then; a new job has none. Time starts now.
+    /// The record next to this image. A resumed job keeps the rows up to its number of passes and continues from time
+    /// `before`; a new job starts empty. Its clock starts now.
     pub fn new(exr: &Path, passes: u64, before: Duration) -> Arc<Self> {
         let path = exr.with_extension("csv");
         let mut rows = Vec::new();
@@ -111,7 +111,7 @@ impl History {
         })
     }
 
-    /// What it knows of the error, in the order of passes.
+    /// The known errors, in pass order.
     pub fn points(&self) -> Vec<Point> {
         let rows = &self.state().rows;
         let point = |row: &Row| {
@@ -124,12 +124,12 @@ impl History {
         rows.iter().filter_map(point).collect()
     }
 
-    /// Without pauses.
+    /// Elapsed time without pauses.
     fn elapsed(&self, progress: &Progress) -> Duration {
         self.before + self.started.elapsed().saturating_sub(progress.paused_for)
     }
 
-    /// Keep it up to date, forever, and tell those who watch what it learns.
+    /// Keep the record up to date, forever, and report errors to `watch`.
     pub async fn keep(self: Arc<Self>, watch: Arc<Watch>) {
         let farm = watch.farm().clone();
         let mut ticks = interval(LOOK);
@@ -162,7 +162,7 @@ impl History {
             };
             match tokio::task::spawn_blocking(add).await {
                 Ok(Ok(())) => {}
-                // It is written again at the end; then a failure is the job's.
+                // It is written again at the end; a failure then fails the job.
                 Ok(Err(failure)) => {
                     warn!("{failure}");
                     sleep(RETRY).await;
@@ -227,7 +227,7 @@ mod tests {
         assert_eq!(state.rows[4].worker_seconds, 48.0);
         assert_eq!(state.rows[0].relative_standard_error, None);
         assert!(state.rows[1].relative_standard_error.is_some());
-        // The end of a job whose last row is there already.
+        // The end of a job whose last row exists already.
         state.add(&average(16), PassStats::default());
         assert_eq!(state.rows.len(), 5);
     }
@@ -253,7 +253,7 @@ mod tests {
         assert!(lines[1].starts_with("1,") && lines[1].contains(",7,") && lines[1].ends_with(','));
         assert!(lines[2].starts_with("2,") && !lines[2].ends_with(','));
 
-        // A job that goes on keeps the rows of the passes that it has.
+        // A resumed job keeps the rows up to its passes.
         let again = History::new(&folder.path().join("a.b.exr"), 1, Duration::from_secs(9));
         assert_eq!(again.points(), []);
         again.finish(&average(3), &progress).unwrap();

@@ -1,4 +1,4 @@
-//! The image of a job: at its end, and before when somebody asks for it.
+//! The image of a job, written at its end and on request.
 
 use crate::failure::Failure;
 use crate::history::History;
@@ -11,13 +11,13 @@ use beamfarm_proto::VERSION;
 use std::sync::Arc;
 use tracing::Span;
 
-/// An image as it was written.
+/// An image that was written.
 pub struct Written {
     pub average: Average,
     pub meta: ImageMeta,
 }
 
-/// Write the image of the complete prefix now, and go on. Returns what was written, for people.
+/// Write the image of the complete prefix while the job goes on. Returns what was written, for display.
 pub async fn write_now(farm: &Arc<Farm>, output: &Output, view: View) -> Result<String, Failure> {
     match write(farm, output, view, None).await? {
         Some(Written { average, .. }) => Ok(format!("wrote {} with {} passes", output.exr.display(), average.passes)),
@@ -25,7 +25,7 @@ pub async fn write_now(farm: &Arc<Farm>, output: &Output, view: View) -> Result<
     }
 }
 
-/// Write the image of the complete prefix, and the last row of its history; nothing before the first pass.
+/// Write the image of the complete prefix and the last row of its history; nothing before the first pass.
 pub async fn write(
     farm: &Arc<Farm>,
     output: &Output,

@@ -1,4 +1,4 @@
-//! How a scene is read, and what is changed of it, from the command line.
+//! Command-line options for reading and changing a scene.
 
 use crate::failure::Failure;
 use beamfarm_scene::{Edits, ImportOptions, is_mitsuba};
@@ -7,7 +7,7 @@ use clap::Args;
 use std::num::ParseFloatError;
 use std::path::{Path, PathBuf};
 
-/// Say on stderr what became of a Mitsuba scene.
+/// Print on stderr what became of a scene.
 pub fn announce(notes: &[String], left_out: &[String]) {
     for note in notes {
         complain!("note: {note}");
@@ -17,7 +17,7 @@ pub fn announce(notes: &[String], left_out: &[String]) {
     }
 }
 
-/// The field of a scene that says which frame of it is rendered.
+/// The scene field that selects the frame to render.
 const FRAME: &str = "animation.frame";
 
 /// How a scene is read, and what is changed of it.
@@ -72,7 +72,7 @@ pub struct ImportArgs {
     #[arg(long, help_heading = "Scene")]
     strict: bool,
 
-    /// Read the scene as it is at this frame.
+    /// Read the scene at this frame.
     #[arg(skip)]
     pub frame: Option<i64>,
 }
@@ -84,7 +84,7 @@ fn parameter(text: &str) -> Result<(String, String), String> {
     }
 }
 
-/// A number, or one with a percent sign.
+/// A number or a percentage.
 pub fn share(text: &str) -> Result<f64, ParseFloatError> {
     match text.strip_suffix('%') {
         Some(percent) => percent.trim_end().parse::<f64>().map(|n| n / 100.0),
@@ -107,12 +107,12 @@ fn crop(text: &str) -> Result<[u32; 4], String> {
 }
 
 impl ImportArgs {
-    /// Whether the command line says which frame it is.
+    /// Whether the command line sets the frame.
     pub fn says_frame(&self) -> bool {
         self.parameters.iter().any(|(name, _)| name == FRAME)
     }
 
-    /// Fails where notes on the scene are errors, and there are any.
+    /// Fails if notes on the scene are errors and there are any.
     pub fn refuse(&self, notes: &[String]) -> Result<(), Failure> {
         if !self.strict || notes.is_empty() {
             return Ok(());
@@ -125,7 +125,7 @@ impl ImportArgs {
         )))
     }
 
-    /// What the reader is told about a scene.
+    /// Options for the scene's reader.
     pub fn options(&self, scene: &Path) -> Result<ImportOptions, Failure> {
         let is_mitsuba = is_mitsuba(scene);
         if !is_mitsuba && self.skip_unsupported {

@@ -119,7 +119,7 @@ fn target_error(text: &str) -> Result<f64, String> {
 }
 
 impl JobArgs {
-    /// The same, with the layers that other options take.
+    /// The same, with the layers that other options imply.
     pub fn with_implied_layers(mut self) -> Self {
         if self.denoise {
             self.settings.aov.extend(Aov::DENOISING);
@@ -133,26 +133,26 @@ impl JobArgs {
         self.target_error.map(|error| Target { error, percentile })
     }
 
-    /// How its settings are chosen: as when it began, if it goes on. `ending`: of its image's name, where none was
-    /// asked for.
+    /// How missing settings are chosen: for a resumed job, as when it began. `ending`: suffix of the default image
+    /// name.
     pub fn choosing(&self, ending: &str, scene: SceneHash) -> Choosing {
         let image = Output::path(self.output.as_deref(), &self.settings.of.scene, ending);
         let folder = match (&self.job, image) {
             (Some(folder), _) => folder.clone(),
             (None, Ok(image)) => job_beside(&image),
-            // It will be told of when it is needed.
+            // Reported when it is needed.
             (None, Err(_)) => return Choosing::By(self.time),
         };
         let before = (!self.restart).then(|| Folder::settings(&folder, scene)).flatten();
         before.map_or(Choosing::By(self.time), Choosing::Again)
     }
 
-    /// Where the image goes, and what it says of itself.
+    /// The image's path and metadata.
     pub fn image(&self, loaded: &Loaded) -> Result<Output, Failure> {
         self.image_called("", loaded)
     }
 
-    /// The same. `ending`: of its name, where none was asked for.
+    /// The same. `ending`: suffix of the default image name.
     pub fn image_called(&self, ending: &str, loaded: &Loaded) -> Result<Output, Failure> {
         let output = self.output.as_deref();
         Ok(Output {
@@ -165,7 +165,7 @@ impl JobArgs {
         })
     }
 
-    /// What the coordinator is to do.
+    /// The job for the coordinator.
     pub fn spec(&self, loaded: Loaded) -> Result<JobSpec, Failure> {
         let has_other_end = self.time.is_some() || self.target_error.is_some();
         let passes = loaded.number_of_passes(self.passes, has_other_end);

@@ -1,5 +1,23 @@
-//! The command `beamfarm`: one file a subcommand, those that measure in a folder, and what they share. Programs that
-//! render by themselves, and have no command line, take [`embedded`].
+//! The command `beamfarm`: what becomes of a command line?
+//!
+//! ```text
+//!  arguments ─── settings ───── job ───── Farm ───── conduct ───── output
+//!                scene, pilot:  JobSpec    ▲         until the     EXR, PNG, CSV,
+//!                Loaded                    │ passes  job ends      report, exit code
+//!                                          │
+//!                          local: worker processes on this machine (`render`)
+//!                          workers on other machines               (`serve`)
+//! ```
+//!
+//! **Data.** `settings` reads the scene with the options and lets a pilot choose what neither sets. `job` turns the
+//! result into a job for the coordinator, and `directory` finds what an earlier run left of it. `conduct` serves the
+//! job until it ends, shows its progress, and writes the image. `frames` does so for the frames of an animation.
+//!
+//! **Entrance.** [`command`] parses the arguments, runs a subcommand and returns its exit code. Programs without a
+//! command line, such as the Python package, use [`embedded`].
+//!
+//! **Where to look.** Most subcommands have a file of their name; `live` has a folder, and those that measure are in
+//! `measure`.
 
 mod address;
 mod again;

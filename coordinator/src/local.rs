@@ -14,30 +14,30 @@ use tokio::task::JoinSet;
 use tokio::time::sleep;
 use tracing::{Instrument, info, warn};
 
-/// So many workers in a row may die with no pass delivered in between. More means that the next one would die as well.
+/// Worker deaths in a row, with no pass delivered in between, after which further workers would die as well.
 const DEATHS_IN_A_ROW: u32 = 5;
-/// Pause before a dead worker is replaced, times the deaths in a row.
+/// Pause before a dead worker is replaced, multiplied by the deaths in a row.
 const PAUSE: Duration = Duration::from_millis(100);
-/// Up to this many cores one worker renders a pass for each of them, and its threads work at all of those passes: they
-/// share the scene, which is prepared once, and none waits while any pass has work. Above, workers are several, as one
-/// delivers one block after the other. To be revised when measured on large machines.
+/// Up to this many cores there is one worker, which renders one pass per core at a time. All its threads work on all of
+/// these passes: they share the prepared scene, and none waits while any pass has work. With more cores there are
+/// several workers, as each delivers blocks one after another. To be revised after measurements on large machines.
 const CORES_OF_ONE: usize = 4;
-/// Threads of a worker above that; fewer when the cores cannot be divided by it.
+/// Threads per worker beyond that; fewer if the number of cores is not divisible.
 const THREADS_PER_WORKER: usize = 4;
 
-/// How many workers there are, and what each is.
+/// The number of workers and the size of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Processes.
+    /// Number of processes.
     pub workers: usize,
-    /// Threads of each.
+    /// Threads per process.
     pub threads: usize,
-    /// Passes that each renders at the same time.
+    /// Passes that each renders at a time.
     pub at_once: usize,
 }
 
 impl Shape {
-    /// What was asked for, filled up so that workers times threads are the number of cores.
+    /// The requested shape, completed so that workers times threads is the number of cores.
     pub fn new(workers: Option<usize>, threads: Option<usize>, cores: usize) -> Self {
         let of_one_pass = |workers, threads| Self {
             workers,
@@ -61,8 +61,8 @@ impl Shape {
         }
     }
 
-    /// The same for passes on a device, which is one for all: a worker with all cores for its scene. It has two passes
-    /// under way, so that the device has work while a picture goes back.
+    /// The shape for a device, which all share: one worker with all cores for the scene. It keeps two passes under way,
+    /// so that the device has work while a picture is transferred.
     pub fn on_device(workers: Option<usize>, threads: Option<usize>, cores: usize) -> Self {
         let workers = workers.unwrap_or(1);
         let threads = threads.unwrap_or((cores / workers).max(1));
@@ -73,7 +73,7 @@ impl Shape {
         }
     }
 
-    /// Passes that are rendered at the same time.
+    /// Passes rendered at a time.
     pub fn passes_at_once(self) -> usize {
         self.workers * self.at_once
     }
@@ -83,26 +83,25 @@ impl Shape {
 #[derive(Clone, Debug)]
 pub struct Crew {
     pub shape: Shape,
-    /// What they render by.
+    /// Their engine.
     pub engine: EngineKind,
-    /// Their shape for jobs of the engine gpu.
+    /// Their shape for the engine gpu.
     pub on_device: Shape,
-    /// Device for jobs of the engine gpu: its number, or a part of its name.
+    /// Device for the engine gpu: its number or part of its name.
     pub gpu: Option<String>,
-    /// The coordinator's address, and what opens it.
+    /// The coordinator's URL and credentials.
     pub url: String,
     pub token: Option<Token>,
-    /// Filter of the workers' logs.
+    /// Log filter of the workers.
     pub log: String,
-    /// Form of the workers' logs.
+    /// Log format of the workers.
     pub log_format: LogFormat,
-    /// The command that has them as `worker`; `None`: this program.
+    /// The executable with the subcommand `worker`; `None`: this program.
     pub program: Option<PathBuf>,
 }
 
 impl Crew {
-    /// What workers are told to offer: nothing that the job has no use for. Where no device is named the best is taken,
-    /// whatever it is.
+    /// The engines that workers offer: only what the job needs. Without a named device the best one is used.
     fn offers(&self) -> Vec<String> {
         let gpu = match self.engine {
             EngineKind::Cpu => Vec::new(),
@@ -111,7 +110,7 @@ impl Crew {
         [format!("--engine={}", self.engine)].into_iter().chain(gpu).collect()
     }
 
-    /// For jobs of an engine, at this address.
+    /// The crew for a job with this engine at this address.
     pub fn at(self, url: String, engine: EngineKind) -> Self {
         let shape = match engine {
             EngineKind::Cpu => self.shape,
@@ -126,7 +125,7 @@ impl Crew {
     }
 }
 
-/// [`run`] for one farm.
+/// Runs [`run`] for one farm.
 pub fn run_until_end(crew: Crew, farm: &Arc<Farm>) -> impl Future<Output = Result<(), String>> + use<> {
     let (of_end, of_passes) = (farm.clone(), farm.clone());
     let ended = move || {
@@ -136,8 +135,8 @@ pub fn run_until_end(crew: Crew, farm: &Arc<Farm>) -> impl Future<Output = Resul
     run(crew, ended, move || of_passes.progress().passes)
 }
 
-/// Keep the crew at work, replacing those that die, until what it works for has `ended` or workers keep dying; that is
-/// the error. `delivered`: how much they have delivered so far. Dropping the future kills the workers.
+/// Keep the crew running, replacing workers that die, until `ended` resolves. The error is that workers keep dying.
+/// `delivered`: the passes delivered so far. Dropping the future kills the workers.
 pub async fn run<E>(
     crew: Crew,
     ended: impl Fn() -> E + Clone + Send + 'static,
@@ -163,7 +162,7 @@ where
     Ok(())
 }
 
-/// Deaths since a pass was last delivered.
+/// Counts deaths since a pass was last delivered.
 #[derive(Default)]
 struct Deaths {
     in_a_row: AtomicU32,
@@ -197,10 +196,10 @@ async fn keep<E: Future<Output = ()>>(
             child.id().unwrap_or_default(),
             crew.shape.threads
         );
-        // The other end of its life line: see `--with-parent`.
+        // Kept open as the worker's life line: see `--with-parent`.
         let _life_line = child.stdin.take();
         let status = tokio::select! {
-            // First: at the end of a job both are true, and the worker was not lost.
+            // First: at the end of a job both are ready, and the worker was not lost.
             biased;
             () = ended() => {
                 let _ = child.wait().await;
@@ -208,7 +207,7 @@ async fn keep<E: Future<Output = ()>>(
             }
             status = child.wait() => status.map_err(|error| error.to_string())?,
         };
-        // Workers may be told of the end before those who wait for it wake up: who asks anew is told as well.
+        // A worker may hear of the end before this task wakes up, so check again.
         tokio::select! {
             biased;
             () = ended() => return Ok(()),
@@ -226,7 +225,7 @@ async fn keep<E: Future<Output = ()>>(
     }
 }
 
-/// What may be set for coordinators elsewhere.
+/// Environment variables for remote coordinators, removed for local workers.
 const ELSEWHERE: [&str; 4] = [
     "BEAMFARM_TLS_CA",
     "BEAMFARM_TLS_CERT",
@@ -244,7 +243,7 @@ fn start(place: usize, crew: &Crew, program: &PathBuf) -> std::io::Result<Child>
         command.env_remove(variable);
     }
     match &crew.token {
-        // Only this user can read the environment of a process.
+        // Only this user can read a process's environment.
         Some(token) => command.env(TOKEN_VARIABLE, token.reveal()),
         None => command.env_remove(TOKEN_VARIABLE),
     };
@@ -254,7 +253,7 @@ fn start(place: usize, crew: &Crew, program: &PathBuf) -> std::io::Result<Child>
         .args(["--at-once", &crew.shape.at_once.to_string()])
         .args(["--name", &name(place)])
         .args(crew.offers())
-        // The scene is on this machine already.
+        // The scene is already on this machine.
         .args(["--no-cache", "--with-parent", "--log", &crew.log])
         .args(["--log-format", crew.log_format.as_str()])
         .stdin(Stdio::piped())
@@ -318,7 +317,7 @@ mod tests {
         assert_eq!(deaths.count(1), 2);
     }
 
-    /// The job ends, its worker hears of it and exits, and who waits for the end wakes up too late.
+    /// The job ends and its worker exits before the task that waits for the end wakes up.
     #[cfg(unix)]
     #[tokio::test]
     async fn a_worker_that_heard_of_the_end_first_was_not_lost() {

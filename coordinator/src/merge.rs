@@ -1,4 +1,4 @@
-//! `beamfarm merge`: one image from jobs that rendered parts of its passes.
+//! `beamfarm merge`: one image from jobs that each rendered a part of its passes.
 
 use crate::failure::Failure;
 use crate::output::{Output, check};
@@ -48,7 +48,7 @@ pub struct MergeArgs {
     quiet: bool,
 }
 
-/// Jobs that were read so far.
+/// The jobs that were read so far.
 struct Merged {
     first: PathBuf,
     description: Description,
@@ -95,12 +95,12 @@ pub fn main(args: MergeArgs) -> Result<(), Failure> {
         }
         merged.seconds += checkpoint.seconds;
         merged.stats += checkpoint.stats;
-        // That of the part which begins with pass 0: the others have no prefix.
+        // Only the part that starts at pass 0 has a prefix.
         merged.tested.extend(checkpoint.tested);
         let blocks = checkpoint.sum.nodes().map(|node| node.block).collect();
         merged.parts.push((path.clone(), blocks));
     }
-    // There is at least one: clap says so.
+    // clap requires at least one.
     let merged = merged.ok_or_else(|| Failure::usage("no jobs"))?;
     write(&args, merged)
 }
@@ -120,7 +120,7 @@ fn overlap(error: &MergeError, merged: &Merged, path: &Path) -> Failure {
     Failure::usage(format!("{}: {error}", path.display()))
 }
 
-/// Passes that are missing before the last one that is there.
+/// Missing passes before the last one.
 fn gaps(sum: &TreeSum) -> Vec<String> {
     let mut next = 0;
     let mut gaps = Vec::new();
@@ -136,10 +136,10 @@ fn gaps(sum: &TreeSum) -> Vec<String> {
     gaps
 }
 
-/// Make a job folder that goes on after these passes.
+/// Create a job folder that continues after these passes.
 fn keep(job: &Path, merged: &Merged) -> Result<(), Failure> {
     let Merged { description, sum, .. } = merged;
-    // As in a job that has got there by itself: the next prefix to be tested lies ahead.
+    // As in a job that rendered them itself: the next prefix to be tested lies ahead.
     let mut kept = TreeSum::new(description.width, description.height)
         .with_layers(LayerCounts::of_names(&description.layers))
         .with_fence(sum.prefix() + 1);
@@ -217,7 +217,7 @@ fn write(args: &MergeArgs, merged: Merged) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What the mattes of a job tell apart: its folder has the scene.
+/// What the job's mattes separate; its folder contains the scene.
 fn names_of(job: &Path, description: &Description) -> Result<Names, Failure> {
     let bundle = Folder::bundle(job, description)?;
     let scene = beamfarm_scene::load(&bundle).map_err(|error| Failure::usage(format!("{}: {error}", job.display())))?;

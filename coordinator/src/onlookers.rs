@@ -1,5 +1,4 @@
-//! Those who watch a job and are told by its own process: tev, OpenJD's runners, the log; and those who ask for its
-//! image before its end.
+//! Reports of a running job to tev, to OpenJD and to the log, and images written on request.
 
 use crate::failure::Failure;
 use beamfarm_coordinator::{Watch, tev};
@@ -16,7 +15,7 @@ use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 use tracing::{Instrument, info, warn};
 
-/// Time between looks at the progress, for OpenJD.
+/// Time between progress reports for OpenJD.
 const LOOK: Duration = Duration::from_secs(1);
 /// Time for tev to take the last image.
 const LAST_IMAGE: Duration = Duration::from_secs(5);
@@ -37,7 +36,7 @@ pub struct OnlookerArgs {
     pub openjd: bool,
 }
 
-/// Where tev listens unless it is told otherwise.
+/// tev's default port.
 const TEV_PORT: u16 = 14158;
 
 fn tev_address(text: &str) -> Result<String, String> {
@@ -58,7 +57,7 @@ fn tev_address(text: &str) -> Result<String, String> {
 }
 
 impl OnlookerArgs {
-    /// Tell them about the job until it ends. To be awaited at the end.
+    /// Report on the job until it ends. Await the result at the end.
     pub fn tell(&self, watch: &Arc<Watch>, share: Share) -> Told {
         let tev = self
             .display_server
@@ -68,7 +67,7 @@ impl OnlookerArgs {
         Told { tev, openjd }
     }
 
-    /// How the job ended, for OpenJD.
+    /// Report to OpenJD how the job ended.
     pub fn tell_end<T>(&self, end: &Result<T, Failure>) {
         if let (true, Err(failure)) = (self.openjd, end) {
             openjd("fail", &failure.to_string());
@@ -76,12 +75,12 @@ impl OnlookerArgs {
     }
 }
 
-/// Which part of all that is to be done a job is.
+/// A job's position among all jobs.
 #[derive(Clone, Copy, Debug)]
 pub struct Share {
     /// Jobs before it.
     pub before: usize,
-    /// Jobs in all.
+    /// Total number of jobs.
     pub of: usize,
 }
 
@@ -102,14 +101,14 @@ impl Share {
     }
 }
 
-/// Those that are told.
+/// The running reports.
 pub struct Told {
     tev: Option<tokio::task::JoinHandle<()>>,
     openjd: Option<tokio::task::JoinHandle<()>>,
 }
 
 impl Told {
-    /// The job is over: let them have the last word.
+    /// The job is over: finish the reports.
     pub async fn last_words(self) {
         if let Some(openjd) = self.openjd {
             let _ = openjd.await;
@@ -130,7 +129,7 @@ async fn print_progress(watch: Arc<Watch>, share: Share) {
             _ = watch.farm().ended() => true,
         };
         let progress = watch.farm().progress();
-        // Rounded down: nothing looks finished that is not.
+        // Rounded down, so that nothing looks finished before it is.
         let permille = (1000.0 * share.of_all(watch.fraction(&progress))) as u64;
         if printed != Some((permille, progress.prefix)) {
             printed = Some((permille, progress.prefix));
@@ -147,19 +146,19 @@ async fn print_progress(watch: Arc<Watch>, share: Share) {
     }
 }
 
-/// A line for OpenJD. It is one line whatever is in it.
+/// Print an OpenJD line, with line breaks in the text replaced.
 fn openjd(what: &str, text: &str) {
     say!("openjd_{what}: {}", text.replace(['\n', '\r'], " "));
 }
 
-/// Write the image whenever somebody asks for it: by a call, by the page's button, by SIGHUP. Forever.
+/// Write the image on every request: by a call, by the page's button, or by SIGHUP. Runs forever.
 pub async fn write_on_request<F>(watch: &Watch, signals: &mut mpsc::Receiver<()>, write: impl Fn() -> F) -> Infallible
 where
     F: Future<Output = Result<String, Failure>>,
 {
     let mut requests = watch.write_requests();
     let mut ticks = interval(LOOK);
-    // Who sent a signal learns nothing of what became of it: what it asked for is done as soon as it can be.
+    // A signal gets no reply. It is remembered until the image can be written.
     let mut owed = false;
     loop {
         let reply = tokio::select! {
@@ -180,13 +179,13 @@ where
             Err(message) => warn!("{message}"),
         }
         if let Some(reply) = reply {
-            // Who asked may be gone.
+            // The requester may be gone.
             let _ = reply.send(written);
         }
     }
 }
 
-/// A message for each SIGHUP, from now on.
+/// Receives a message for each SIGHUP from now on.
 pub fn hang_ups() -> Result<mpsc::Receiver<()>, std::io::Error> {
     let (sender, receiver) = mpsc::channel(1);
     #[cfg(unix)]
@@ -209,7 +208,7 @@ pub fn hang_ups() -> Result<mpsc::Receiver<()>, std::io::Error> {
     Ok(receiver)
 }
 
-/// Write into the log what is in force, from whatever source it comes.
+/// Log the settings in force, from all sources.
 pub fn log_configuration(watch: &Watch, listen: impl Display, output: &Path, passes: u64) {
     let job = watch.farm().job();
     let timing = watch.farm().timing();

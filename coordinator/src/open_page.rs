@@ -1,12 +1,12 @@
-//! Where a page is, told to people and to their browser.
+//! Prints a page's address and opens it in a browser.
 
 use beamfarm_coordinator::security::ENTER;
 use beamfarm_proto::Token;
 use beamfarm_worker::complain;
 use std::io::{IsTerminal, Write};
 
-/// Open the page. Its link holds the token, and what programs are started with is for all to see: the browser gets a
-/// file that leads there, and that nobody else can read. It is removed with the value.
+/// Open the page. Its link contains the token, and program arguments are visible to everyone. The browser therefore
+/// gets a private file that redirects there; dropping the value removes it.
 pub fn open_page(url: &str, token: &Token) -> Option<tempfile::NamedTempFile> {
     let make = || {
         let mut file = tempfile::Builder::new()
@@ -30,12 +30,12 @@ pub fn open_page(url: &str, token: &Token) -> Option<tempfile::NamedTempFile> {
     }
 }
 
-/// Say where the page is, with what opens it, wherever that is written.
+/// Print the page's address with the token, wherever the output goes.
 pub fn tell_whole_page(url: &str, token: &Token) {
     complain!("page: {url}{ENTER}#{}", token.reveal());
 }
 
-/// Say where the job can be watched: to people with what opens it, but not where it would stay in a file.
+/// Print the page's address; with the token only on a terminal, where it is not stored.
 pub fn tell_page(url: &str, token: &Token) {
     match std::io::stderr().is_terminal() {
         true => tell_whole_page(url, token),

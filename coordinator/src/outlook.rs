@@ -1,4 +1,4 @@
-//! What a render is told of before it begins: what will come of the scene, by a look at it of milliseconds.
+//! What to expect of a scene, from a look of a few milliseconds before rendering starts.
 
 use crate::sketch::{GLANCE, Sketch};
 use beamfarm_image::job::JobSettings;
@@ -8,22 +8,22 @@ use beamfarm_render::world::medium::Medium;
 use beamfarm_render::world::nested::{Meeting, Met, Outcome, Reason};
 use beamfarm_render::world::{Scene, SceneDescription};
 
-/// Optical depth of a medium, and rays of a photon path, beyond which a render takes for ever.
+/// Optical depth of a medium, or rays per photon path, beyond which a render takes for ever.
 const ENDLESS: f32 = 1000.0;
-/// Pixels and photon paths of a picture that must have some light, if there is any.
+/// Pixels and photon paths of a picture that must show some light, if there is any.
 const FEWEST_PIXELS: usize = 1000;
 const SECOND_LOOK: (u32, u32) = (128, 4_000);
-/// Rays along each side of the picture that say what is met first.
+/// Rays along each side of the picture that find what the camera sees first.
 const SIDE: u16 = 64;
 
-/// Pairs of shapes that are named.
+/// The most pairs of shapes that are named.
 const MOST_TOLD: usize = 5;
 
 /// What is known of a scene before its first pass.
 pub struct Outlook {
-    /// For people.
+    /// For display.
     pub notes: Vec<String>,
-    /// The picture, coarse. `None`: it cannot be rendered.
+    /// A coarse picture. `None`: the scene cannot be rendered.
     pub sketch: Option<Sketch>,
 }
 
@@ -36,8 +36,8 @@ impl Outlook {
         let thick = thick(&scene, &followed);
         let lost = lost(&scene, &followed, settings);
         let sketch = Sketch::new(&mut scene, settings, GLANCE);
-        // Of a scene without lights, or a camera within a stone, it is said already. Fog that nothing gets through is
-        // black as well, and what no photon finds.
+        // Already reported: a scene without lights, a camera inside an opaque object. Opaque fog and photons that meet
+        // nothing make the picture black as well.
         let is_told =
             !thick.is_empty() || lost.is_some() || description.notes.iter().any(|note| note.contains("will be black"));
         let has_seen = |sketch: &Sketch| sketch.pixels() >= FEWEST_PIXELS && sketch.is_black();
@@ -50,7 +50,7 @@ impl Outlook {
 }
 
 fn misplaced(scene: &Scene) -> Vec<String> {
-    // One in the world alone lies in the world.
+    // A single boundary can only lie in the world's medium.
     let boundaries = scene.description().objects.iter().filter(|o| o.boundary.is_some());
     let misplaced = match boundaries.count() > 1 {
         true => scene.misplaced(),
@@ -65,7 +65,7 @@ fn misplaced(scene: &Scene) -> Vec<String> {
     misplaced.iter().map(note).collect()
 }
 
-/// Glass, liquids and media that are modelled into each other.
+/// Glass, liquids and media that overlap.
 fn meeting(scene: &Scene) -> Vec<String> {
     let name = |object: u32| &scene.description().objects[object as usize].name;
     let note = |met: &Met| {
@@ -80,7 +80,7 @@ fn meeting(scene: &Scene) -> Vec<String> {
             Outcome::GivesWay { to, reason } => {
                 let gives_way = if to == one { other } else { one };
                 let why = match reason {
-                    // It is said in the scene.
+                    // The scene states it.
                     Reason::Priority => return None,
                     Reason::Medium => "which has a medium inside",
                     Reason::Index => "whose index of refraction is lower",
@@ -164,7 +164,7 @@ fn thick(scene: &Scene, followed: &Followed) -> Vec<String> {
     notes
 }
 
-/// What there is to say of a picture that is black at a first look, if it is at a second.
+/// A note on a picture that is black at the first look and at a second one.
 fn dark(scene: &mut Scene, settings: JobSettings) -> Option<String> {
     let again = JobSettings {
         seed: settings.seed.wrapping_add(1),
@@ -199,7 +199,7 @@ fn dark(scene: &mut Scene, settings: JobSettings) -> Option<String> {
     })
 }
 
-/// What there is to say of photons that meet nothing: by a plan that aims at nothing, and if so by that of a pass.
+/// A note if photons meet nothing, both with a plan without targeting and with the real plan.
 fn lost(scene: &Scene, provisional: &Followed, settings: JobSettings) -> Option<String> {
     if !provisional.is_lost() {
         return None;

@@ -21,7 +21,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tracing::warn;
 
-/// Print a text that people page through or cut short: a reader that goes away before its end is no failure.
+/// Print a text that people may page or cut: a reader that closes early is not a failure.
 pub fn print_text(text: &str) -> Result<(), Failure> {
     match io::stdout().lock().write_all(visible(text).as_bytes()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::io(error)),
@@ -29,11 +29,11 @@ pub fn print_text(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// What the reference's image is called beside the scene's name.
+/// Suffix of the reference's default name.
 pub const REFERENCE: &str = "-reference";
 
-/// Whether an image can get this name: it ends in .exr, and its folder is there and can be written to. Commands ask
-/// before they begin with what takes long.
+/// Check that an image can be written here: the name ends in .exr and its folder exists and is writable. Commands check
+/// before long work.
 pub fn check(image: &Path) -> Result<(), Failure> {
     if image.extension() != Some(OsStr::new("exr")) {
         let message = format!("{}: expected a name that ends in .exr", image.display());
@@ -59,7 +59,7 @@ pub fn check(image: &Path) -> Result<(), Failure> {
         Ok(_) => Ok(()),
         Err(error) => {
             let why = error.to_string();
-            // Not the name of the probe.
+            // Without the name of the probe file.
             let why = why.split(" at path ").next().unwrap_or_default();
             let message = format!("cannot write to the folder {shown}: {why}");
             Err(Failure::because_of(&error, message))
@@ -67,50 +67,50 @@ pub fn check(image: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Make the folder that a command fills, and those above it.
+/// Create a command's output folder with its parents.
 pub fn make_folder(folder: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(folder)
         .map_err(|error| Failure::io(format!("cannot make the folder {}: {error}", folder.display())))
 }
 
-/// The two files of a picture.
+/// The files of an image.
 #[derive(Clone, Debug)]
 pub struct Output {
     pub exr: PathBuf,
     pub png: PathBuf,
-    /// The scene's file as the EXR names it.
+    /// The scene file as named in the EXR.
     pub scene_file: Option<String>,
-    /// Whether the EXR gets the standard error.
+    /// Whether the EXR includes the standard error.
     pub standard_error: bool,
-    /// Whether the EXR is to say that photons which missed all targets were dropped.
+    /// Whether the EXR notes that photons which missed all targets were dropped.
     pub drops_photons: bool,
-    /// What its mattes tell apart.
+    /// Names of what its mattes separate.
     pub names: Names,
-    /// Depth where nothing is; `None`: infinite.
+    /// Depth of the empty background; `None`: infinite.
     pub empty_depth: Option<f32>,
-    /// Whether a picture with less noise is written as well, beside the image.
+    /// Whether to also write a denoised picture.
     pub denoise: bool,
-    /// What is written where there is no image to write.
+    /// What to write if there is no image.
     pub sketch: Option<Sketch>,
 }
 
-/// Where the job of an image is kept if nobody says where.
+/// Default job folder of an image.
 pub fn job_beside(image: &Path) -> PathBuf {
     image.with_extension("job")
 }
 
 impl Output {
-    /// The files that were asked for, or those named after the scene. Checks that they can be written, so that nobody
-    /// learns after a night that they cannot.
+    /// The requested files, or files named after the scene. Checks that they can be written, so that this does not fail
+    /// after hours of rendering.
     ///
-    /// `ending`: of the default's stem. An image that another kind of command made is only overwritten by name.
+    /// `ending`: suffix of the default name. An image of another kind of command is overwritten only if it is named.
     pub fn new(asked: Option<&Path>, scene: &Path, ending: &str, standard_error: bool) -> Result<Self, Failure> {
         let scene_file = name_of(scene);
         let exr = Self::path(asked, scene, ending)?;
         check(&exr)?;
         let png = exr.with_extension("png");
         for path in [&exr, &png] {
-            // Nobody is worse off than before if that cannot be done.
+            // Failing to remove them does no harm.
             let _ = remove_leftovers(path);
         }
         Ok(Self {
@@ -126,7 +126,7 @@ impl Output {
         })
     }
 
-    /// The EXR's path: what was asked for, or what is named after the scene.
+    /// Path of the EXR: the requested one, or one named after the scene.
     pub fn path(asked: Option<&Path>, scene: &Path, ending: &str) -> Result<PathBuf, Failure> {
         match asked {
             Some(path) => Ok(path.to_owned()),
@@ -134,16 +134,16 @@ impl Output {
         }
     }
 
-    /// What people call the picture: its file's name.
+    /// The picture's title: its file name.
     pub fn title(&self) -> String {
         let stem = self.exr.file_stem().unwrap_or_default();
         stem.to_string_lossy().into_owned()
     }
 
-    /// Write both, and the denoised picture where it is asked for. That one is not worth an image: where it cannot be
-    /// made the log says why.
+    /// Write the image, and the denoised picture if requested. If that one cannot be made, the log says why, and the
+    /// image remains.
     pub fn write(&self, average: &Average, meta: &ImageMeta, view: View) -> Result<(), ImageError> {
-        // Compressing them is most of what is left to wait for at the end of a job.
+        // In parallel: at the end of a job most of the remaining time goes into compression.
         std::thread::scope(|scope| {
             let png = scope.spawn(|| write_png(&self.png, &average.beauty, view));
             write_image(&self.exr, average, meta)?;
@@ -161,8 +161,8 @@ impl Output {
 }
 
 impl Output {
-    /// Write a coarse picture, as there is no other. An image that is there stays, and it gets a name beside it.
-    /// Returns what was written, for people.
+    /// Write a coarse picture as there is no other. An existing image stays, and the picture gets a similar name.
+    /// Returns what was written, for display.
     pub fn write_sketch(&self, sketch: &Sketch, scene: SceneHash, view: View) -> Result<String, ImageError> {
         let is_there = MadeOf::read(&self.exr).is_some() || Provenance::read(&self.exr).is_some_and(|it| it.of_samples);
         let exr = match is_there {
@@ -183,12 +183,12 @@ impl Output {
     }
 }
 
-/// What the denoised picture beside an image is called.
+/// Name of the denoised picture of an image.
 pub fn denoised_name(image: &Path) -> PathBuf {
     image.with_extension("denoised.exr")
 }
 
-/// Write a denoised picture as EXR, and as PNG beside it.
+/// Write a denoised picture as EXR and PNG.
 pub fn write_both(path: &Path, film: &Film, meta: &DenoisedMeta, view: View) -> Result<(), ImageError> {
     write_denoised(path, film, meta)?;
     write_png(&path.with_extension("png"), film, view)
@@ -214,7 +214,7 @@ fn denoised(average: &Average, meta: &ImageMeta) -> Result<(Film, DenoisedMeta),
     Ok((film, DenoisedMeta::of(average, meta)))
 }
 
-/// A scene's file as FOLDER/FILE; nothing for one that is not there.
+/// A scene file as FOLDER/FILE; `None` if it does not exist.
 fn name_of(scene: &Path) -> Option<String> {
     let scene = scene.canonicalize().ok()?;
     let file = scene.file_name()?.to_string_lossy();
@@ -222,14 +222,14 @@ fn name_of(scene: &Path) -> Option<String> {
         Some(folder) => format!("{}/{file}", folder.to_string_lossy()),
         None => file.into_owned(),
     };
-    // What an attribute of EXR can hold.
+    // Characters that an EXR attribute can hold.
     let name: Vec<char> = name.escape_default().collect();
     let beyond = name.len().saturating_sub(255);
     Some(name[beyond..].iter().collect())
 }
 
-/// The names that an image of this scene may get by default: STEM.exr in the current folder, and FOLDER-STEM.exr. With
-/// `ending` after the stem.
+/// Default names of this scene's image: STEM.exr in the current folder, and FOLDER-STEM.exr, with `ending` after the
+/// stem.
 pub fn default_names(scene: &Path, ending: &str) -> Vec<PathBuf> {
     let stem = scene.file_stem().unwrap_or(OsStr::new("image"));
     let named = |before: Option<&OsStr>| {
@@ -245,10 +245,10 @@ pub fn default_names(scene: &Path, ending: &str) -> Vec<PathBuf> {
     names.into_iter().flatten().collect()
 }
 
-/// STEM.exr in the current folder; FOLDER-STEM.exr where another scene of that name has its image there. With `ending`
-/// after the stem.
+/// STEM.exr in the current folder, or FOLDER-STEM.exr if another scene of that name has its image there. `ending`
+/// follows the stem.
 ///
-/// What this command did not make itself stays, unless somebody names it.
+/// Files that this command did not make are kept unless they are named.
 fn default_name(scene: &Path, ending: &str, scene_file: Option<&str>) -> Result<PathBuf, Failure> {
     let names: Vec<(PathBuf, Option<Provenance>)> = default_names(scene, ending)
         .into_iter()

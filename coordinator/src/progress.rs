@@ -1,4 +1,4 @@
-//! What a person sees while a job runs: a bar in a terminal, lines elsewhere.
+//! Progress for people: a bar on a terminal, lines elsewhere.
 
 use beamfarm_coordinator::watch::Rates;
 use beamfarm_coordinator::{Progress, Watch};
@@ -13,17 +13,17 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 /// Time between redraws of the bar, and between lines.
 const REDRAW: Duration = Duration::from_millis(200);
 pub const LINE: Duration = Duration::from_secs(5);
-/// Time between lines as long as no pass is completed.
+/// Time between lines while no pass is completed.
 const WITHOUT_NEWS: Duration = Duration::from_secs(60);
-/// The error is estimated this often, or less often if that takes more than a twentieth of the time.
+/// Time between error estimates; longer if they would take more than a twentieth of the time.
 pub const ESTIMATE: Duration = Duration::from_secs(2);
 
-/// Position of the bar when all is done.
+/// The bar's position at the end.
 pub const BAR_LENGTH: u64 = 1000;
 
 static BAR: OnceLock<ProgressBar> = OnceLock::new();
 
-/// Standard error, with the bar out of the way while a line of the log is written.
+/// Standard error for the log, which hides the bar while a line is written.
 #[derive(Default)]
 pub struct LogWriter;
 
@@ -40,7 +40,7 @@ impl Write for LogWriter {
     }
 }
 
-/// Show the job's progress in lines that begin with `label`, forever.
+/// Show the job's progress with the prefix `label`, forever.
 pub async fn show(watch: Arc<Watch>, label: &str) {
     let bar = bar();
     let mut ticks = interval(if bar.is_some() { REDRAW } else { LINE });
@@ -62,7 +62,7 @@ pub async fn show(watch: Arc<Watch>, label: &str) {
                 bar.set_message(line);
             }
             None => {
-                // A server may wait for workers for days.
+                // A server may wait days for workers.
                 let news = printed.is_none_or(|(then, prefix)| {
                     prefix != progress.prefix || elapsed.saturating_sub(then) >= WITHOUT_NEWS
                 });
@@ -75,7 +75,7 @@ pub async fn show(watch: Arc<Watch>, label: &str) {
     }
 }
 
-/// The bar, when a person looks at a terminal.
+/// The bar, if the output is a terminal.
 pub fn bar() -> Option<&'static ProgressBar> {
     std::io::stdout().is_terminal().then(|| {
         BAR.get_or_init(|| {
@@ -88,7 +88,7 @@ pub fn bar() -> Option<&'static ProgressBar> {
     })
 }
 
-/// Print a line on stdout while the bar may be there.
+/// Print a line on stdout without disturbing the bar.
 pub fn print(line: &str) {
     match BAR.get() {
         Some(bar) => bar.suspend(|| say!("{line}")),
@@ -104,12 +104,11 @@ pub fn complain(line: &str) {
     }
 }
 
-/// Do something, and say every few seconds on stderr what it is that takes the time. Nothing is said of what is done
-/// within a second.
+/// Run `work`, and report every few seconds on stderr what takes the time. Work of less than a second is not reported.
 pub fn while_it_lasts<T>(what: &str, work: impl FnOnce() -> T) -> T {
     let (done, waiting) = mpsc::channel::<()>();
     std::thread::scope(move |scope| {
-        // Gone when the work is done, and when it panics.
+        // Dropped when the work is done, also on panic.
         let _done = done;
         scope.spawn(move || {
             let begun = Instant::now();
@@ -123,7 +122,7 @@ pub fn while_it_lasts<T>(what: &str, work: impl FnOnce() -> T) -> T {
     })
 }
 
-/// Take the bar away.
+/// Remove the bar.
 pub fn clear() {
     if let Some(bar) = BAR.get() {
         bar.finish_and_clear();
@@ -131,7 +130,7 @@ pub fn clear() {
 }
 
 fn line(progress: &Progress, fraction: f64, rates: Rates, remaining: Option<Duration>, error: Option<f64>) -> String {
-    // Rounded down: 100 % is when it is done.
+    // Rounded down: 100 % means done.
     let percent = (100.0 * fraction) as u32;
     let limit = match progress.limit {
         beamfarm_image::job::MAX_PASSES => String::new(),
@@ -146,7 +145,7 @@ fn line(progress: &Progress, fraction: f64, rates: Rates, remaining: Option<Dura
     )
 }
 
-/// The end of the line: what is expected, as far as it is known.
+/// Expected time and error, as far as known.
 pub fn expectation(remaining: Option<Duration>, error: Option<f64>) -> String {
     let remaining = remaining.map_or_else(
         || "time left unknown".into(),
@@ -163,7 +162,7 @@ pub fn expectation(remaining: Option<Duration>, error: Option<f64>) -> String {
     format!("{remaining}{error}")
 }
 
-/// A number with three digits and a prefix of the unit that follows.
+/// A number with three digits and an SI prefix for the unit that follows.
 pub fn si(number: f64) -> String {
     let (number, prefix) = match number {
         n if n >= 1e9 => (n / 1e9, "G"),
@@ -179,7 +178,7 @@ pub fn si(number: f64) -> String {
     format!("{number:.digits$} {prefix}")
 }
 
-/// The relative standard error, which takes a copy of the image to find.
+/// The relative standard error; estimating it takes a copy of the image.
 #[derive(Default)]
 pub struct ErrorEstimate {
     value: Option<f64>,
@@ -191,7 +190,7 @@ impl ErrorEstimate {
     pub async fn update(&mut self, watch: &Watch) -> Option<f64> {
         let now = Instant::now();
         let prefix = watch.farm().progress().prefix;
-        // One pass tells nothing about the error.
+        // One pass gives no error estimate.
         let due = self.next.is_none_or(|next| now >= next);
         if !due || prefix < 2 || prefix == self.passes {
             return self.value;

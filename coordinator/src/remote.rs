@@ -1,4 +1,4 @@
-//! A coordinator that runs elsewhere, as the commands that ask it something see it.
+//! A coordinator on another machine, for the commands that call it.
 
 use crate::failure::{Failure, UNREACHABLE};
 use beamfarm_proto::wire::control_client::ControlClient;
@@ -9,9 +9,9 @@ use std::time::Duration;
 use tokio::time::timeout;
 use tonic::{Code, Status};
 
-/// Time for an answer: writing a large image takes a while.
+/// Time limit of an answer: writing a large image takes a while.
 const ANSWER: Duration = Duration::from_secs(120);
-/// A status with thousands of workers.
+/// Enough for a status with thousands of workers.
 const MESSAGE_BYTES: usize = 64 << 20;
 
 /// Which coordinator.
@@ -26,7 +26,7 @@ pub struct RemoteArgs {
 }
 
 impl RemoteArgs {
-    /// Ask it something.
+    /// Call the coordinator.
     pub fn call<T, F>(self, ask: impl FnOnce(ControlClient<Link>) -> F) -> Result<T, Failure>
     where
         F: Future<Output = Result<T, Failure>>,
@@ -36,7 +36,7 @@ impl RemoteArgs {
     }
 }
 
-/// Ask the coordinator at this address something.
+/// Call the coordinator at this address.
 pub fn call<T, F>(
     url: &str,
     credentials: &Credentials,
@@ -63,12 +63,12 @@ where
     })
 }
 
-/// What a refused or broken call means for the command.
+/// The failure for a refused or broken call.
 pub fn failed(status: Status) -> Failure {
     let message = status.message();
     match status.code() {
         Code::InvalidArgument => Failure::usage(message),
-        // What the connection says, and not the coordinator, has a cause.
+        // Errors of the connection, unlike those of the coordinator, have a source.
         Code::Unavailable | Code::DeadlineExceeded | Code::Cancelled | Code::Unknown => unreachable(&status),
         Code::Internal if status.source().is_some() => unreachable(&status),
         Code::Unimplemented => Failure::io("this coordinator is of another version"),
@@ -81,7 +81,7 @@ fn unreachable(status: &Status) -> Failure {
     Failure::unreachable(format!("{UNREACHABLE}: {}", reason(status)))
 }
 
-/// The innermost of a status's causes: those around it say no more than "transport error".
+/// The innermost source of a status: the outer ones only say "transport error".
 fn reason(status: &Status) -> String {
     let mut reason: &dyn std::error::Error = status;
     while let Some(source) = reason.source() {

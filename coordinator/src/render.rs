@@ -74,7 +74,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         end_with_parent().map_err(Failure::io)?;
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    // Other users of this machine reach the port as well.
+    // Other users of this machine can reach the port as well.
     let token = match Token::read(None).map_err(Failure::usage)? {
         Some(token) => token,
         None => Token::random().map_err(Failure::io)?,
@@ -108,7 +108,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         return frames::run(&args.job, list, site);
     }
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
-    // Before there is anything that somebody could take for a sign that it listens.
+    // Before anything shows that it is listening.
     let mut drain = runtime.block_on(async { signals::drain() }).map_err(Failure::io)?;
     let loaded = runtime.block_on(early::load(&args.job, &mut drain))?;
     let engine = loaded.settings.engine;

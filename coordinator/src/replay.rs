@@ -1,4 +1,4 @@
-//! `beamfarm replay`: one pass again, here and now.
+//! `beamfarm replay`: one pass again, in this process.
 
 use crate::failure::Failure;
 use crate::output::{Output, check};
@@ -63,7 +63,7 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
         Some(path) => Some(Output::new(Some(path), &args.settings.of.scene, "", false)?),
         None => None,
     };
-    // Zero threads stand for one per core.
+    // Zero threads mean one per core.
     let threads = args.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(Failure::io)?;
@@ -87,7 +87,7 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
         stats.surface_photons,
         stats.beam_evaluations
     );
-    // Devices do not count it.
+    // Devices do not measure it.
     if stats.beam_bytes > 0 {
         say!("{:.0} bytes a beam", stats.bytes_per_beam());
     }

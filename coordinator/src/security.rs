@@ -1,4 +1,4 @@
-//! Who may connect: options of what listens.
+//! Options for who may connect.
 
 use crate::failure::Failure;
 use beamfarm_coordinator::security::{Security, Tls};
@@ -66,7 +66,7 @@ pub struct ListenArgs {
     insecure_listen: bool,
 }
 
-/// A secret that every user of this machine may read is none.
+/// A secret that other users can read is not one.
 fn warn_if_others_read(file: &Path) {
     #[cfg(unix)]
     {
@@ -82,7 +82,7 @@ fn warn_if_others_read(file: &Path) {
 }
 
 impl ListenArgs {
-    /// Read what the options name, for a listener at this address.
+    /// Read the files that the options name, for a listener at this address.
     pub fn read(&self, address: SocketAddr) -> Result<Security, Failure> {
         let pem = |path: &Path| {
             let read = input::read_given(path, MOST_PEM);

@@ -76,7 +76,7 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
         return frames::run(&args.job, list, site);
     }
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
-    // Before there is anything that somebody could take for a sign that it listens.
+    // Before anything shows that it is listening.
     let mut drain = runtime.block_on(async { signals::drain() }).map_err(Failure::io)?;
     let loaded = runtime.block_on(early::load(&args.job, &mut drain))?;
     let view = args.job.view.over(loaded.defaults.view);

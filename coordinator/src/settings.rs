@@ -55,7 +55,7 @@ pub struct SceneArgs {
     #[arg(skip)]
     pub seed_of_frame: Option<i64>,
 
-    /// The scene itself, where it is in no file; `scene` is what it is called.
+    /// The scene itself if it is not in a file; `scene` is then its name.
     #[arg(skip)]
     pub text: Option<Arc<SceneText>>,
 }
@@ -93,15 +93,15 @@ pub struct SettingsArgs {
     #[arg(long, value_name = "ENGINE", help_heading = "Device")]
     pub engine: Option<EngineChoice>,
 
-    /// Where the device of the engine gpu is; nothing for those who do not mind what a scene needs.
+    /// Where the device of the engine gpu is; `None` if its capabilities do not matter.
     #[arg(skip = Some(Where::Elsewhere))]
     pub device: Option<Where>,
 
-    /// The engine may be one that is found by measuring.
+    /// Whether the engine may be chosen by measuring.
     #[arg(skip)]
     pub measures: bool,
 
-    /// Nobody is told what it is that takes so long.
+    /// Whether to report nothing about long waits.
     #[arg(skip)]
     pub silent: bool,
 }
@@ -117,7 +117,7 @@ pub struct DeviceArgs {
 }
 
 impl DeviceArgs {
-    /// On this machine.
+    /// A device on this machine.
     pub fn here(&self) -> Where {
         Where::Here(self.gpu.clone().unwrap_or_default())
     }
@@ -141,7 +141,7 @@ fn budget(text: &str) -> Result<Budgeted, String> {
 }
 
 impl SceneArgs {
-    /// The scene's files, changed as was asked for.
+    /// The scene's files with the requested changes.
     pub fn file(&self) -> Result<SceneFile, Failure> {
         let options = self.import.options(&self.scene)?;
         let file = match &self.text {
@@ -151,7 +151,7 @@ impl SceneArgs {
         file.map_err(|error| self.failure(error, &options))
     }
 
-    /// Whether the scene can be rendered.
+    /// Check that the scene can be rendered.
     pub fn check(&self, file: &SceneFile) -> Result<(), Failure> {
         let options = self.import.options(&self.scene)?;
         let loaded = file.load().map_err(|error| self.failure(error, &options))?;
@@ -159,7 +159,7 @@ impl SceneArgs {
         Ok(())
     }
 
-    /// With all else that is wrong with the scene file.
+    /// The error together with all other errors of the scene file.
     pub fn failure(&self, error: SceneError, options: &ImportOptions) -> Failure {
         let is_native = !is_mitsuba(&self.scene) && !is_gltf(&self.scene);
         let errors = match (&self.text, is_native && error.file == self.scene) {
@@ -171,7 +171,7 @@ impl SceneArgs {
         blamed(&self.scene, options, errors, is_native).into()
     }
 
-    /// The same options for the scene in its native form, which has the values of its parameters.
+    /// The same options for the native form of the scene, which contains its parameters' values.
     pub fn of_native(&self) -> Vec<OsString> {
         let mut args: Vec<OsString> = Vec::new();
         let import = &self.import;
@@ -194,7 +194,7 @@ impl SceneArgs {
         args
     }
 
-    /// The seed of a job of the scene, whose own is this.
+    /// The job's seed, given the scene's own.
     pub fn seed_or(&self, seed: u64) -> u64 {
         let seed = self.seed.unwrap_or(seed);
         match self.seed_of_frame {
@@ -203,7 +203,7 @@ impl SceneArgs {
         }
     }
 
-    /// The settings of a job of the scene by this engine, as far as they are said.
+    /// The settings of a job with this engine, as far as they are given.
     fn said(&self, defaults: &RenderDefaults, engine: EngineKind) -> Result<JobSettings, Failure> {
         let settings = JobSettings {
             seed: self.seed_or(defaults.seed),
@@ -219,7 +219,7 @@ impl SceneArgs {
         })
     }
 
-    /// The settings of a job of the scene by this engine; what nobody says is chosen as is told, by processors.
+    /// The settings of a job with this engine. Missing ones are chosen as `choosing` says, on the processors.
     pub fn choose(
         &self,
         description: &SceneDescription,
@@ -251,14 +251,14 @@ impl SceneArgs {
 /// The engine of a job.
 struct FoundEngine {
     engine: EngineKind,
-    /// Its settings, where it had to be measured.
+    /// Its settings, if it was measured.
     chosen: Option<Chosen>,
-    /// Why this one, where nobody said it.
+    /// Why it was chosen, if it was not given.
     note: Option<String>,
 }
 
 impl SettingsArgs {
-    /// The engine of a job of the scene: what is said, that of the job as it began, or the better one.
+    /// The engine of a job: the given one, that of the job when it began, or the better one.
     fn found(
         &self,
         description: &SceneDescription,
@@ -297,7 +297,7 @@ impl SettingsArgs {
             Ok(gpu) => gpu,
             Err(why) => return Ok(stays(&why)),
         };
-        // What keeps the scene from there is known before any pilot.
+        // Known before any pilot: whether the device can render the scene.
         let said = self.of.said(&description.defaults, EngineKind::Gpu)?;
         let place = Where::Here(gpu.clone());
         if let Err(why) = device_takes(description, said, layers, &place)? {
@@ -334,13 +334,13 @@ impl SettingsArgs {
         }
     }
 
-    /// Read the scene, and say on stderr what is known of it before its pilot, unless this is to be `quiet`.
+    /// Read the scene and, unless `quiet`, print on stderr what is known before its pilot.
     pub fn load(&self, quiet: bool) -> Result<Loaded, Failure> {
         self.load_by(SceneFile::load, |_| Choosing::By(None), |early| early.announce(quiet))
     }
 
-    /// Read the scene, and decode its files by `decode`. `choosing`: how the scene with this hash has chosen what
-    /// nobody says. `tell` is given what is known of it before its pilot, which may take long.
+    /// Read the scene and decode its files with `decode`. `choosing`: given the scene's hash, how missing settings are
+    /// chosen. `tell` receives what is known before the pilot, which may take long.
     pub fn load_by(
         &self,
         decode: impl FnOnce(&SceneFile) -> Result<SceneDescription, SceneError>,
@@ -378,7 +378,7 @@ impl SettingsArgs {
         let choosing = choosing(bundle.hash());
         let found = self.found(&description, &layers, choosing)?;
         let engine = found.engine;
-        // Pilots take their time, and a scene may be no device's whatever they find.
+        // Before the pilot, which takes time: the device may be unable to render the scene in any case.
         let place = self.device.as_ref().filter(|_| engine == EngineKind::Gpu);
         if let Some(place) = place {
             let said = self.of.said(&defaults, engine)?;
@@ -437,7 +437,7 @@ impl SettingsArgs {
     }
 }
 
-/// Whether devices can render passes by these settings.
+/// Check that devices can render passes with these settings.
 pub fn suits_device(
     description: &SceneDescription,
     settings: JobSettings,
@@ -447,7 +447,7 @@ pub fn suits_device(
     Ok(device_takes(description, settings, layers, place)??)
 }
 
-/// The same; what keeps the scene from there is the inner error.
+/// The same; the inner error says why the device cannot.
 fn device_takes(
     description: &SceneDescription,
     settings: JobSettings,
@@ -459,7 +459,7 @@ fn device_takes(
     Ok(engine::check(&scene, &plan.map_err(Failure::usage)?, place).map(drop))
 }
 
-/// Whether the camera sees light from all around.
+/// Whether the camera sees an environment light.
 fn shows_environment(description: &SceneDescription) -> bool {
     let rules = description.rules.as_ref();
     let hides = |light| rules.is_some_and(|rules| rules.hides_light(rules.camera, light));
@@ -467,7 +467,7 @@ fn shows_environment(description: &SceneDescription) -> bool {
     lights.any(|(i, light)| matches!(light.kind, LightKind::Environment(_)) && !hides(i))
 }
 
-/// What a pilot chose, in words. `chose_paths`: their number as well.
+/// The pilot's choice in words. `chose_paths`: whether it chose the number of paths.
 fn found_by_pilot(settings: &JobSettings, chose_paths: bool) -> Option<String> {
     let techniques = (settings.techniques != Techniques::default()).then(|| settings.techniques.to_string());
     let paths = chose_paths.then(|| format!("{} photon paths a pass", settings.paths_per_pass));
@@ -475,58 +475,58 @@ fn found_by_pilot(settings: &JobSettings, chose_paths: bool) -> Option<String> {
     (!chosen.is_empty()).then(|| format!("the pilot chose {}", chosen.join(", ")))
 }
 
-/// How that is chosen which nobody says.
+/// How missing settings are chosen.
 #[derive(Clone, Copy, Debug)]
 pub enum Choosing {
-    /// By a pilot, for a job that takes so long, if that is known.
+    /// By a pilot, for a job of this length, if known.
     By(Option<Duration>),
-    /// As before, when the job began.
+    /// As when the job began.
     Again(JobSettings),
-    /// Nothing has a use for it.
+    /// Not at all, as they are unused.
     Nothing,
 }
 
 /// The settings of a job.
 pub struct Chosen {
     pub settings: JobSettings,
-    /// What a pilot chose among, if there was anything to choose.
+    /// The pilot's candidates, if there was a choice.
     pub choice: Option<Choice>,
 }
 
-/// A scene that was read and found good.
+/// A scene that was read and validated.
 pub struct Loaded {
     pub bundle: Bundle,
     pub description: SceneDescription,
     pub defaults: RenderDefaults,
     pub settings: JobSettings,
-    /// Layers that were asked for.
+    /// Requested layers.
     pub layers: Vec<Layer>,
-    /// Whether the standard error was asked for.
+    /// Whether the standard error was requested.
     pub standard_error: bool,
-    /// What a pilot chose among, if there was anything to choose.
+    /// The pilot's candidates, if there was a choice.
     pub choice: Option<Choice>,
-    /// What was replaced of a scene in another form, and what of a scene has no effect.
+    /// Replaced parts of a converted scene, and parts without effect.
     notes: Vec<String>,
-    /// How many of these were said before there was a pilot.
+    /// How many of these notes were printed before the pilot.
     told: usize,
-    /// The picture, coarse. `None`: it cannot be rendered.
+    /// A coarse picture. `None`: the scene cannot be rendered.
     pub sketch: Option<Sketch>,
-    /// What was left out of a Mitsuba scene.
+    /// Parts of a Mitsuba scene that were left out.
     left_out: Vec<String>,
 }
 
 /// What is known of a scene before its pilot.
 pub struct Early {
     pub notes: Vec<String>,
-    /// The picture, coarse. `None`: it cannot be rendered.
+    /// A coarse picture. `None`: the scene cannot be rendered.
     pub sketch: Option<Sketch>,
     pub scene: SceneHash,
-    /// How the scene has itself shown.
+    /// The scene's display settings.
     pub view: View,
 }
 
 impl Early {
-    /// Say on stderr what became of the scene.
+    /// Print the notes on stderr.
     pub fn announce(&self, quiet: bool) {
         if !quiet {
             announce(&self.notes, &[]);
@@ -535,7 +535,7 @@ impl Early {
 }
 
 impl Loaded {
-    /// Passes of a job of which so many are asked for, and that may end by something else.
+    /// Passes of a job for which `asked` are requested and which may have another stopping condition.
     pub fn number_of_passes(&self, asked: Option<u64>, has_other_end: bool) -> u64 {
         match (asked, has_other_end) {
             (Some(passes), _) => passes,
@@ -544,7 +544,7 @@ impl Loaded {
         }
     }
 
-    /// What a coordinator is to do: passes from the first one to before the last. Nothing is checked by others.
+    /// The job for a coordinator: passes from `first_pass` to `passes`, exclusive. Without checks by other workers.
     pub fn into_spec(self, first_pass: u64, passes: u64) -> JobSpec {
         let camera = &self.description.camera;
         JobSpec {
@@ -559,12 +559,12 @@ impl Loaded {
         }
     }
 
-    /// What became of the scene: notes, and what was left out.
+    /// Notes, and what was left out.
     pub fn news(&self) -> (&[String], &[String]) {
         (&self.notes, &self.left_out)
     }
 
-    /// Say on stderr what else became of the scene. Returns what was left out, for the summary.
+    /// Print the remaining notes on stderr. Returns what was left out, for the summary.
     pub fn announce(&self) -> Vec<String> {
         announce(&self.notes[self.told..], &self.left_out);
         self.left_out.clone()

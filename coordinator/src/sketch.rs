@@ -1,4 +1,4 @@
-//! A coarse picture, for where there is no other yet. It belongs to no pass.
+//! A coarse picture for when there is no other. It is part of no pass.
 
 use beamfarm_coordinator::Farm;
 use beamfarm_image::film::Film;
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 use tokio::time::timeout;
 
-/// Pixels a row and photon paths of sketches: the first is there at once, however slow the scene is.
+/// Width in pixels and photon paths of sketches: the first is done at once, however slow the scene is.
 const STEPS: [(u32, u32); 6] = [
     (16, 64),
     (64, 500),
@@ -21,50 +21,50 @@ const STEPS: [(u32, u32); 6] = [
     (512, 4_000),
     (1024, 8_000),
 ];
-/// A step takes at most so many times as long as the one before.
+/// A step takes at most this many times as long as the one before.
 const LONGER: u32 = 10;
-/// Time in which there is something to see of almost every scene.
+/// Enough time to show something of almost every scene.
 pub const GLANCE: Duration = Duration::from_millis(100);
-/// Time for what somebody waits for, and until it has to be there, with all that is loaded for it.
+/// Rendering time when somebody waits for the sketch (`LOOK`), and total time including loading the scene (`AT_MOST`).
 pub const LOOK: Duration = Duration::from_secs(1);
 const AT_MOST: Duration = Duration::from_secs(2);
 
 /// A coarse picture.
 #[derive(Clone, Debug)]
 pub struct Sketch {
-    /// What was rendered.
+    /// The rendered pixels.
     film: Film,
-    /// Photon paths; none of a sketch of camera paths alone.
+    /// Photon paths; `None` for a sketch of camera paths only.
     paths: Option<u32>,
-    /// Pixels a row and rows of the picture that it stands for.
+    /// Size of the full picture, width and height in pixels.
     full: [u32; 2],
 }
 
 impl Sketch {
-    /// By a provisional plan, as fine as it can be in about this time.
+    /// A sketch with a provisional plan, as fine as possible in about this time.
     pub fn new(scene: &mut Scene, settings: JobSettings, patience: Duration) -> Option<Self> {
         Self::by(scene, patience, |scene, paths| beams(scene, settings, paths))
     }
 
-    /// The same, of so many pixels a row and photon paths.
+    /// The same with this width in pixels and number of photon paths.
     pub fn once(scene: &mut Scene, settings: JobSettings, (width, paths): (u32, u32)) -> Option<Self> {
         Self::step(scene, width, |scene| beams(scene, settings, paths))
     }
 
-    /// Of the scene of a job. `None`: it cannot be rendered, or takes too long to load.
+    /// A sketch of a job's scene. `None`: it cannot be rendered or takes too long to load.
     pub async fn of_job(farm: Arc<Farm>) -> Option<Self> {
         let (sender, sketch) = oneshot::channel();
-        // A thread that nobody waits for.
+        // A thread that is not joined.
         std::thread::spawn(move || {
             let description = beamfarm_scene::load(&farm.bundle()).ok();
             let sketch = description.and_then(|it| Self::new(&mut Scene::new(it), farm.job().settings, LOOK));
-            // Fails when it comes too late.
+            // Fails if it comes too late.
             let _ = sender.send(sketch);
         });
         timeout(AT_MOST, sketch).await.ok()?.ok()?
     }
 
-    /// By what renders the scene with so many photon paths, and tells how many there were.
+    /// A sketch by `render`, which gets a number of photon paths and returns the number used.
     pub fn by(
         scene: &mut Scene,
         patience: Duration,
@@ -100,17 +100,17 @@ impl Sketch {
         Some(Self { film, paths, full })
     }
 
-    /// Pixels that were rendered.
+    /// Number of rendered pixels.
     pub fn pixels(&self) -> usize {
         self.film.pixels.len()
     }
 
-    /// Nothing is seen.
+    /// Whether nothing is visible.
     pub fn is_black(&self) -> bool {
         self.film.pixels.as_flattened().iter().all(|value| *value == 0.0)
     }
 
-    /// At the full size: its pixels as squares.
+    /// Enlarged to full size, with pixels as squares.
     pub fn enlarged(&self) -> Film {
         let [width, height] = self.full;
         let mut film = Film::new(width, height);

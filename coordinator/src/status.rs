@@ -1,4 +1,4 @@
-//! `beamfarm status`: how a job stands.
+//! `beamfarm status`: the state of a job.
 
 use crate::failure::Failure;
 use crate::output::print_text;
@@ -48,7 +48,7 @@ pub fn json(reply: wire::StatusReply) -> Result<String, Failure> {
     Report::from(reply).json()
 }
 
-/// The reply as scripts see it.
+/// The reply in the form for scripts.
 #[derive(Serialize)]
 struct Report {
     version: String,
@@ -93,7 +93,7 @@ struct Counters {
 struct Worker {
     id: u64,
     name: String,
-    /// Fingerprint of what it is known by.
+    /// Fingerprint of its key.
     key: Option<String>,
     threads: u32,
     passes: u64,
@@ -105,7 +105,7 @@ struct Worker {
     device: Option<DeviceReport>,
 }
 
-/// What a worker renders on.
+/// A worker's device.
 #[derive(Serialize)]
 struct DeviceReport {
     name: String,
@@ -128,7 +128,7 @@ impl From<Device> for DeviceReport {
     }
 }
 
-/// A worker that does not offer the job's engine.
+/// A worker without the job's engine.
 #[derive(Serialize)]
 struct Unable {
     name: String,
@@ -239,7 +239,7 @@ impl From<wire::Event> for Event {
     }
 }
 
-/// Text from outside must not steer a terminal.
+/// Removes control characters: text from outside must not control a terminal.
 fn plain(text: &str) -> String {
     text.chars().filter(|c| !c.is_control()).collect()
 }
@@ -259,7 +259,7 @@ impl Report {
         if let Some(failure) = &self.failure {
             lines.push(format!("failure   {}", plain(failure)));
         }
-        // Rounded down: nothing looks finished that is not.
+        // Rounded down, so that nothing looks finished before it is.
         let done = self.prefix.saturating_sub(self.first_pass) as f64;
         let all = self.limit.saturating_sub(self.first_pass).max(1) as f64;
         let percent = 100.0 * done / all;

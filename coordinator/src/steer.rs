@@ -1,4 +1,4 @@
-//! `beamfarm cancel`, `pause`, `resume`, `extend` and `write`: steer a job that runs.
+//! `beamfarm cancel`, `pause`, `resume`, `extend` and `write`: control a running job.
 
 use crate::failure::Failure;
 use crate::remote::{RemoteArgs, failed};

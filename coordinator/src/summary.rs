@@ -1,4 +1,4 @@
-//! What is said at the end of a job: on stdout, in report.json and by the exit code.
+//! The summary at the end of a job: on stdout, in report.json and as exit code.
 
 use crate::failure::Failure;
 use crate::image::Written;
@@ -13,34 +13,35 @@ use beamfarm_image::merge::{Average, REPLICATION};
 use beamfarm_proto::VERSION;
 use beamfarm_worker::say;
 
-/// So few photons of a whole job tell what they bring to no better than a tenth, if each brings as much as another.
+/// With fewer photons than this in the whole job, their light is known to no better than a tenth even if all carry the
+/// same.
 const FEW_PHOTONS: u64 = 100;
 
-/// Why no more passes were taken.
+/// Why the job stopped.
 pub enum Stop {
     /// The farm ended by itself.
     Ended(End),
-    /// The time is over.
+    /// The time limit was reached.
     Time,
     /// Someone sent a signal.
     Signal,
-    /// What had to keep running did not.
+    /// Something that had to keep running failed.
     Broken(String),
 }
 
-/// A job that is over.
+/// A finished job.
 pub struct Summary<'a> {
     pub args: &'a JobArgs,
     pub output: &'a Output,
     pub farm: &'a Farm,
-    /// What was written.
+    /// The image that was written.
     pub image: Option<Written>,
-    /// What was written in its place, for people.
+    /// What was written in its place, for display.
     pub sketch: Option<String>,
     pub stop: Stop,
 }
 
-/// Say which passes an image is made of, and how good it is.
+/// Print which passes an image is made of, and how good it is.
 pub fn describe(average: &Average, pass_set: &str) {
     say!("passes 0 to {}, set {pass_set}", average.passes - 1);
     describe_error(average);
@@ -53,7 +54,7 @@ pub fn describe(average: &Average, pass_set: &str) {
     say!("pixels {}", pixel_hash(&average.beauty));
 }
 
-/// Say how noisy an image is, and whether few pixels make most of that.
+/// Print how noisy an image is, and whether a few pixels cause most of it.
 pub fn describe_error(average: &Average) {
     let error = average.relative_standard_error();
     if !error.is_finite() {
@@ -73,8 +74,7 @@ pub fn describe_error(average: &Average) {
     }
 }
 
-/// What photons bring is hardly known where so few are left, and their share of the image may be missing from its error
-/// as well.
+/// A note if so few photons are left that their light, and its share of the error, is hardly known.
 fn rare_photons(stats: &PassStats) -> Option<String> {
     let arrived = stats.surface_photons + stats.beams;
     let are_rare = stats.paths > 0 && arrived < FEW_PHOTONS && arrived < stats.paths / FEW_PHOTONS;
@@ -106,7 +106,7 @@ impl Summary<'_> {
         }
     }
 
-    /// For people.
+    /// Print the summary for people.
     pub fn print(&self) {
         let progress = self.farm.progress();
         let seconds = self.farm.snapshot().seconds;
@@ -133,7 +133,7 @@ impl Summary<'_> {
             if engine != EngineKind::Cpu {
                 say!("rendered by the engine {}", engine.identity());
             }
-            // Devices do not count it.
+            // Devices do not measure it.
             if progress.stats.beam_bytes > 0 {
                 say!("{:.0} bytes a beam", progress.stats.bytes_per_beam());
             }
@@ -181,7 +181,7 @@ impl Summary<'_> {
         confirmed.map(|done| done.block.len()).sum()
     }
 
-    /// For programs.
+    /// The summary for programs.
     pub fn report(&self) -> Report {
         let progress = self.farm.progress();
         let reached = self.farm.snapshot();
@@ -193,7 +193,7 @@ impl Summary<'_> {
         let bias = average.and_then(|average| average.bias.as_ref());
         let workers = progress.workers_seen.iter();
         let limit = self.args.passes.or_else(|| {
-            // What the target made of it is not what was asked for.
+            // A limit set by the target error was not requested.
             let is_asked = progress.limit < MAX_PASSES && self.farm.stopped_at().is_none();
             is_asked.then_some(progress.limit)
         });

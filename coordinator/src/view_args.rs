@@ -32,7 +32,7 @@ enum Shown {
 }
 
 impl ViewArgs {
-    /// The view that is asked for, over another one.
+    /// The requested view, with the rest from `view`.
     pub fn over(&self, view: View) -> View {
         View {
             transform: self.view.map_or(view.transform, |shown| match shown {
@@ -51,7 +51,7 @@ fn stops(text: &str) -> Result<f32, String> {
     stops.ok_or_else(|| "expected a number of stops".into())
 }
 
-/// With or without its unit.
+/// With or without the unit.
 fn kelvin(text: &str) -> Result<f32, String> {
     let number = text.trim().trim_end_matches(['K', 'k']).trim_end();
     let kelvin = number.parse().ok().filter(|kelvin| white::RANGE.contains(kelvin));

@@ -1,26 +1,26 @@
-//! Failures as exceptions of the package, which are Python's own classes in `beamfarm/errors.py`.
+//! Failures as exceptions of the package, which are Python classes in `beamfarm/errors.py`.
 
 use beamfarm_command::embedded::{Cause, Failure, exit};
 use beamfarm_scene::SceneError;
 use pyo3::prelude::*;
 use std::fmt::Display;
 
-/// The exception of this name.
+/// The exception class of this name, raised with `args`.
 fn raised(py: Python<'_>, name: &str, args: impl for<'py> pyo3::call::PyCallArgs<'py>) -> PyErr {
     let made = || py.import("beamfarm.errors")?.getattr(name)?.call1(args);
     made().map_or_else(|error| error, PyErr::from_value)
 }
 
-/// The path of fields that a message begins with, as `lights["sun"].power`.
+/// The field path at the start of a message, such as `lights["sun"].power`.
 fn field_of(message: &str) -> Option<&str> {
     let (field, _) = message.split_once(": ")?;
-    // Names of things may be any text.
+    // Names may contain any text, so split only outside quotes.
     let mut outside = field.split('"').step_by(2);
     let is_path = outside.all(|part| part.chars().all(|c| c.is_alphanumeric() || "._-[]".contains(c)));
     is_path.then_some(field)
 }
 
-/// What is wrong with a scene: each file, line, field and message.
+/// The errors of a scene, each with file, line, field and message.
 pub fn scene(py: Python<'_>, errors: &[SceneError]) -> PyErr {
     let faults: Vec<_> = errors
         .iter()
@@ -47,7 +47,7 @@ pub fn failed(py: Python<'_>, failure: &Failure) -> PyErr {
     }
 }
 
-/// Of something that is wrong with an argument.
+/// An invalid argument.
 pub fn argument(py: Python<'_>, message: impl Display) -> PyErr {
     raised(py, "ArgumentError", (message.to_string(),))
 }

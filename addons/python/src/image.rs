@@ -56,13 +56,13 @@ impl Image {
         pixel_hash(&self.0.average.beauty).to_string()
     }
 
-    /// Relative standard error; infinite of one pass.
+    /// Relative standard error; infinite for one pass.
     #[getter]
     fn error(&self, py: Python<'_>) -> f64 {
         py.detach(|| self.0.average.relative_standard_error())
     }
 
-    /// Estimated relative bias of the mean, its standard error, and the same in words; nothing where it is not known.
+    /// Estimated relative bias of the mean, its standard error, and the same in words; `None` if unknown.
     #[getter]
     fn bias(&self) -> Option<(f64, f64, String)> {
         let bias = self.0.average.bias.as_ref().filter(|bias| bias.is_known())?;

@@ -1,4 +1,4 @@
-//! Renders, samples and plans.
+//! Renders, samples of the path tracer, and plans.
 
 use crate::errors;
 use crate::image::Image;
@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Options by name that the Python side has checked for their types.
+/// Keyword options; the Python side has checked their types.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Options {
@@ -41,14 +41,14 @@ impl Options {
     }
 }
 
-/// Who waits in Python: hears Ctrl-C, and is told how far things are.
+/// Waits for work in Python: handles Ctrl-C and reports progress.
 pub struct Waiting {
     callback: Option<Py<PyAny>>,
     raised: Option<PyErr>,
 }
 
 impl Waiting {
-    /// Whether to go on.
+    /// Whether to continue.
     fn goes_on(&mut self, state: State) -> bool {
         let told = Python::attach(|py| {
             py.check_signals()?;
@@ -79,7 +79,7 @@ impl Waiting {
         }
     }
 
-    /// What ended it, unless that is Ctrl-C and something is there.
+    /// How the work ended. `Ok(true)`: by Ctrl-C, but there is an image.
     fn ended(self, py: Python<'_>, has_image: bool) -> PyResult<bool> {
         match self.raised {
             Some(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) && has_image => Ok(true),
@@ -89,8 +89,7 @@ impl Waiting {
     }
 }
 
-/// Do something that takes its time, while other threads of Python go on. The error is what who waits has raised, or
-/// the failure.
+/// Run `work` while other Python threads continue. The error is an exception raised during the wait, or the failure.
 pub fn wait<T: Send>(
     py: Python<'_>,
     callback: Option<Py<PyAny>>,
@@ -110,17 +109,17 @@ fn seconds(py: Python<'_>, name: &str, seconds: Option<f64>) -> PyResult<Option<
     seconds.map(Duration::try_from_secs_f64).transpose().map_err(wrong)
 }
 
-/// Notes, and what was left out.
+/// Notes on the scene, and what was left out.
 pub type Told = (Vec<String>, Vec<String>);
 
 pub fn told(notes: Notes) -> Told {
     (notes.notes, notes.left_out)
 }
 
-/// An image, what became of the scene, whether Ctrl-C ended it, and the exception that there is to raise.
+/// The image, messages about the scene, whether Ctrl-C ended the work, and an exception to raise.
 type Outcome = (Option<Image>, Told, bool, Option<Py<PyAny>>);
 
-/// Render a scene by processes of this machine.
+/// Render a scene with worker processes on this machine.
 #[pyfunction]
 #[pyo3(signature = (source, options, program, *, passes, time, error, percentile, workers, callback))]
 #[expect(clippy::too_many_arguments, reason = "arguments of Python, by name")]
@@ -151,7 +150,7 @@ pub fn render(
     Ok((done.image.map(Image), told(done.notes), is_interrupted, failure))
 }
 
-/// Render samples of the path tracer.
+/// Render samples with the path tracer.
 #[pyfunction]
 #[pyo3(signature = (source, options, *, samples, time, max_depth, callback))]
 pub fn sample(
@@ -174,7 +173,7 @@ pub fn sample(
     Ok((done.image.map(Image), told(done.notes), is_interrupted, None))
 }
 
-/// What a pass will do: text, and the same as data.
+/// What a pass of the scene does, as text and as data.
 #[pyfunction]
 pub fn explain<'py>(py: Python<'py>, source: &Bound<'py, Source>, options: Options) -> PyResult<Bound<'py, PyDict>> {
     let asked = options.asked(source);

@@ -1,8 +1,8 @@
-//! What of the Python package `beamfarm` is compiled. Its Python files beside it are what people see; names here are
-//! theirs alone.
+//! The compiled part of the Python package `beamfarm`. Users see the package's Python files; this module is private to
+//! them.
 //!
-//! Nothing is printed. While something is rendered other threads of Python go on; those who wait are asked ten times a
-//! second whether to go on, which is when Ctrl-C is heard.
+//! Nothing is printed. Other Python threads continue during a render. Ten times a second the waiting thread is asked
+//! whether to continue, which is when Ctrl-C takes effect.
 
 mod errors;
 mod image;
@@ -34,7 +34,7 @@ mod _native {
     #[allow(non_upper_case_globals)]
     const version: &str = env!("CARGO_PKG_VERSION");
 
-    /// Whether passes can be rendered on devices.
+    /// Whether passes can be rendered on GPU devices.
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const has_gpu: bool = beamfarm_command::embedded::HAS_GPU;

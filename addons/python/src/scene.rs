@@ -8,20 +8,20 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Where the files of a scene may be, and which it has read.
+/// Folders where a scene's files may be, and the files that it has read.
 #[pyclass(frozen)]
 pub struct Reach(Arc<beamfarm_scene::Reach>);
 
 #[pymethods]
 impl Reach {
-    /// Of a scene at this path, which may also read what is in these folders.
+    /// For a scene at this path, which may also read files in the `allowed` folders.
     #[new]
     fn new(path: PathBuf, allowed: Vec<PathBuf>) -> Self {
         Self(Arc::new(beamfarm_scene::Reach::new(&path, &allowed)))
     }
 }
 
-/// A scene as text, with files that are nowhere on the disk.
+/// A scene as text, with files that are not on disk.
 #[pyclass(frozen)]
 pub struct Source(pub Arc<SceneText>);
 
@@ -37,7 +37,7 @@ impl Source {
         }))
     }
 
-    /// Raise all that is wrong with it.
+    /// Raise all errors of the scene.
     fn check(&self, py: Python<'_>) -> PyResult<()> {
         let scene = self.0.clone();
         let found = py.detach(move || {
@@ -52,7 +52,7 @@ impl Source {
     }
 }
 
-/// TOML as a dictionary. `path`: what errors call it.
+/// Parse TOML into a dictionary. `path`: its name in errors.
 #[pyfunction]
 pub fn loads<'py>(py: Python<'py>, text: &str, path: PathBuf) -> PyResult<Bound<'py, PyAny>> {
     let table: toml::Table = toml::from_str(text).map_err(|error| {
@@ -69,14 +69,14 @@ pub fn loads<'py>(py: Python<'py>, text: &str, path: PathBuf) -> PyResult<Bound<
     Ok(pythonize::pythonize(py, &table)?)
 }
 
-/// A dictionary as TOML.
+/// Write a dictionary as TOML.
 #[pyfunction]
 pub fn dumps(py: Python<'_>, data: &Bound<'_, PyDict>) -> PyResult<String> {
     let table: toml::Table = pythonize::depythonize(data)?;
     toml::to_string(&table).map_err(|error| errors::argument(py, error))
 }
 
-/// Text of a scene file, files that were made for it, where others may be, notes, and what was left out.
+/// The scene's text, files made for it, folders where other files may be, notes, and what was left out.
 type Read<'py> = (
     String,
     BTreeMap<String, Bound<'py, PyBytes>>,
@@ -85,7 +85,7 @@ type Read<'py> = (
     Vec<String>,
 );
 
-/// Read a scene of any kind as a native one.
+/// Read a scene in any format as a native one.
 #[pyfunction]
 pub fn read_scene<'py>(
     py: Python<'py>,
@@ -121,7 +121,7 @@ pub fn read_scene<'py>(
     Ok((text, made, Reach(file.reach), file.notes, file.left_out))
 }
 
-/// Factor on base radii in a pass, where they shrink once a pass.
+/// The radius scale of a pass, if radii shrink once per pass.
 #[pyfunction]
 pub fn radius_scale(index: u64, alpha: f64) -> f64 {
     beamfarm_image::radius::radius_scale(index as f64 + 1.0, alpha)

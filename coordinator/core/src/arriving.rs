@@ -1,4 +1,4 @@
-//! Deliveries under way, so that none comes twice at the same time.
+//! Deliveries under way, so that none arrives twice at the same time.
 
 use crate::examine::Claim;
 use beamfarm_proto::{LeaseId, WorkerId};
@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 use tonic::Status;
 
-/// Deliveries of one worker at the same time. It sends one after the other.
+/// The most deliveries of one worker at a time. It sends one after another.
 const DELIVERIES: usize = 2;
 
 /// Each lease has one delivery at a time, and each worker a few.
@@ -14,12 +14,12 @@ const DELIVERIES: usize = 2;
 pub(crate) struct Arriving(Arc<Mutex<BTreeSet<(WorkerId, LeaseId)>>>);
 
 impl Arriving {
-    /// A place for the delivery of a lease, until it is dropped.
+    /// Start a delivery for a lease; it lasts until the returned value is dropped.
     pub fn begin(&self, claim: &Claim) -> Result<Arrival, Status> {
         let Claim { worker, lease, .. } = *claim;
         let mut leases = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let of_worker = (worker, LeaseId(0))..=(worker, LeaseId(u64::MAX));
-        // Those before may be the remains of a connection that broke.
+        // Earlier ones may be left over from a connection that broke.
         if leases.range(of_worker).count() >= DELIVERIES || !leases.insert((worker, lease)) {
             return Err(Status::resource_exhausted("this block is on its way in already"));
         }
@@ -27,7 +27,7 @@ impl Arriving {
     }
 }
 
-/// A delivery that is on its way in until this is dropped.
+/// A delivery that is under way until this is dropped.
 pub(crate) struct Arrival(Arriving, (WorkerId, LeaseId));
 
 impl Drop for Arrival {

@@ -12,7 +12,7 @@ use std::time::Duration;
 use tonic::{Request, Response, Status};
 use tracing::info;
 
-/// Events that a reply lists.
+/// The most events in a reply.
 const EVENTS: usize = 100;
 
 pub(crate) struct Service {
@@ -24,7 +24,7 @@ impl Service {
         Self { series }
     }
 
-    /// The job that is first in line, if there is anything left to steer.
+    /// The first job in line, if it is not over.
     fn running(&self) -> Result<Arc<Watch>, Status> {
         let watch = self.series.current();
         match watch.farm().end() {
@@ -71,7 +71,7 @@ fn event(event: Event) -> wire::Event {
 impl Control for Service {
     async fn status(&self, _: Request<wire::StatusRequest>) -> Result<Response<wire::StatusReply>, Status> {
         let watch = self.series.current();
-        // For its error; there is nothing to be said of it before the first pass.
+        // Called for its error estimate, which does not exist before the first pass.
         let _ = watch.picture().await;
         let progress = watch.farm().progress();
         let (state, failure) = match watch.farm().end() {

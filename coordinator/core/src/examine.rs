@@ -1,4 +1,4 @@
-//! Looks a delivered block over before anything counts.
+//! Checks a delivered block before it counts.
 
 use crate::ledger::PixelHash;
 use beamfarm_image::error::ImageError;
@@ -9,25 +9,25 @@ use beamfarm_image::merge::Node;
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::{FileHash, Job, LeaseId, VERSION, WireError, WireHash, WorkerId, wire};
 
-/// What the header of a submission says.
+/// The header of a submission.
 #[derive(Clone, Copy, Debug)]
 pub struct Claim {
-    /// Who sends it.
+    /// The sender.
     pub worker: WorkerId,
-    /// Under which lease.
+    /// The lease.
     pub lease: LeaseId,
-    /// Which passes.
+    /// The passes.
     pub block: Block,
-    /// Bytes of the EXR.
+    /// Size of the EXR in bytes.
     pub size: u64,
-    /// Their hash.
+    /// Its hash.
     pub hash: FileHash,
-    /// Counters of rendering.
+    /// Statistics of rendering.
     pub stats: PassStats,
 }
 
 impl Claim {
-    /// What a worker says of what follows.
+    /// The header that a worker sent.
     pub fn of(worker: WorkerId, header: wire::SubmitHeader) -> Result<Self, WireError> {
         Ok(Self {
             worker,
@@ -43,30 +43,30 @@ impl Claim {
 /// Why a block does not count.
 #[derive(Debug, thiserror::Error)]
 pub enum Flaw {
-    /// Damaged on its way: worth sending again.
+    /// Damaged in transit; worth sending again.
     #[error("the bytes are not those that were sent")]
     Damaged,
     /// Not a block image of this job: the worker's fault.
     #[error("{0}")]
     Foreign(String),
-    /// A block image of this job with pixels that no sum may take: the pass's fault.
+    /// A block image of this job with invalid pixels: the pass's fault.
     #[error("{0}")]
     Pixels(String),
 }
 
-/// A block that may count.
+/// A block that passed the checks.
 pub struct Examined {
     /// The block.
     pub node: Node,
-    /// Hash of its radiance, for people.
+    /// Hash of its radiance, for display.
     pub pixels: String,
-    /// Its [`node_hash`](beamfarm_image::exr::node_hash): equal when the bits are.
+    /// Its [`node_hash`](beamfarm_image::exr::node_hash): equal if and only if the bits are.
     pub hash: PixelHash,
-    /// What it looks like, of a pass.
+    /// Brightness statistics, per pass.
     pub look: Look,
 }
 
-/// The block in these bytes, if it is what the claim says and belongs to the job.
+/// The block in these bytes, if it matches the claim and belongs to the job.
 pub fn examine(job: &Job, schedule: &Schedule, claim: &Claim, bytes: &[u8]) -> Result<Examined, Flaw> {
     if FileHash::of(bytes) != claim.hash {
         return Err(Flaw::Damaged);
@@ -110,7 +110,7 @@ pub fn examine(job: &Job, schedule: &Schedule, claim: &Claim, bytes: &[u8]) -> R
         return Err(Flaw::Pixels(format!("{count} pixel values are not finite")));
     }
     let (pixels, hash) = node_hashes(&node);
-    // Nobody can know beforehand which rows are looked at.
+    // Derived from the file's hash, so that nobody can predict which rows are sampled.
     let look = Look::of(&node, usize::from(claim.hash.0[0]));
     Ok(Examined {
         node,

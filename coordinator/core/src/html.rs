@@ -1,14 +1,14 @@
-//! Pieces of HTML and SVG. Whatever is put into one is text, and stays text, unless it is a piece itself.
+//! Pieces of HTML and SVG. Values put into a piece are escaped, unless they are pieces themselves.
 
 use beamfarm_proto::misleads;
 use std::fmt::{Display, Formatter, Result, Write};
 
-/// HTML as it goes out.
+/// HTML ready for output.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Html(String);
 
 impl Html {
-    /// Of what is HTML already, and comes from nobody else.
+    /// Wrap text that is already HTML and does not come from outside.
     pub fn trusted(html: impl Into<String>) -> Self {
         Self(html.into())
     }
@@ -18,7 +18,7 @@ impl Html {
         Self(if condition { html } else { "" }.to_owned())
     }
 
-    /// The characters.
+    /// The HTML as a string.
     pub fn into_string(self) -> String {
         self.0
     }
@@ -30,9 +30,9 @@ impl FromIterator<Html> for Html {
     }
 }
 
-/// What can stand in a piece of HTML.
+/// Anything that can be put into a piece of HTML.
 pub trait Shown {
-    /// Write it: HTML as it is, text with its special characters named, numbers as the formatter says.
+    /// Write it: HTML unchanged, text escaped, numbers as the formatter says.
     fn show(&self, out: &mut Formatter<'_>) -> Result;
 }
 
@@ -67,7 +67,7 @@ impl<T: Shown + ?Sized> Shown for &T {
     }
 }
 
-/// Nothing, where there is none.
+/// `None` becomes nothing.
 impl<T: Shown> Shown for Option<T> {
     fn show(&self, out: &mut Formatter<'_>) -> Result {
         self.iter().try_for_each(|shown| shown.show(out))
@@ -86,7 +86,7 @@ macro_rules! numbers {
 
 numbers!(f32 f64 i64 u32 u64 usize);
 
-/// Something in its place; [`html!`](crate::html!) makes these.
+/// A value in a placeholder; created by [`html!`](crate::html!).
 #[doc(hidden)]
 pub struct Placed<'a, T: ?Sized>(pub &'a T);
 
@@ -96,11 +96,11 @@ impl<T: Shown + ?Sized> Display for Placed<'_, T> {
     }
 }
 
-/// A piece of HTML: as `format!`, with a name and a value for each `{name}`.
+/// A piece of HTML, like `format!`, with a name and a value for each `{name}`.
 #[macro_export]
 macro_rules! html {
     ($text:literal $(, $name:ident = $value:expr)* $(,)?) => {
-        // Within `concat`, names that are not given a value here are refused: nothing goes past the escaping.
+        // `concat` keeps `format!` from capturing variables, so that nothing bypasses the escaping.
         $crate::html::Html::trusted(format!(concat!($text) $(, $name = $crate::html::Placed(&$value))*))
     };
 }

@@ -1,32 +1,32 @@
-//! Deliveries on their way in: how many bytes of them there may be, and how long each takes.
+//! Arriving deliveries: how many bytes they may hold, and how long each takes.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::Status;
 
-/// Bytes of deliveries that are held at the same time, unless a few blocks are more.
+/// The most bytes of deliveries held at a time, unless `AT_LEAST` blocks need more.
 const BYTES: u64 = 256 << 20;
-/// Blocks that are always let in together.
+/// The number of blocks that always fit.
 const AT_LEAST: u64 = 4;
-/// Deliveries that wait for room, each with what its connection buffers. Others are told to come back.
+/// The most deliveries that wait for room, each with what its connection buffers. Others are asked to retry.
 const WAITING: usize = 64;
-/// Bytes are counted in units of so many.
+/// Bytes are counted in units of this size.
 const UNIT: u64 = 4096;
-/// Part that the last blocks have in the time that a block takes.
+/// Weight of the last block in the time per block.
 const RECENT: f64 = 0.1;
 
 /// The gate for deliveries.
 pub(crate) struct Intake {
     bytes: Arc<Semaphore>,
     waiting: Semaphore,
-    /// For the one that goes on when all wait.
+    /// For the one delivery that may exceed the room when all wait.
     beyond: Arc<Semaphore>,
     meter: Mutex<Meter>,
 }
 
 impl Intake {
-    /// A gate for deliveries of at most so many bytes.
+    /// A gate for deliveries of at most `largest` bytes.
     pub fn new(largest: u64) -> Self {
         let units = (BYTES.max(AT_LEAST * largest) / UNIT).min(Semaphore::MAX_PERMITS as u64);
         Self {
@@ -37,7 +37,7 @@ impl Intake {
         }
     }
 
-    /// A delivery of which nothing has arrived yet.
+    /// Start a delivery of which nothing has arrived yet.
     pub fn begin(self: &Arc<Self>) -> Delivery {
         self.meter().begin(Instant::now());
         Delivery {
@@ -47,7 +47,7 @@ impl Intake {
         }
     }
 
-    /// Time in which one block is taken in, while any is: of several at the same time, each takes its share.
+    /// The time to take in one block while deliveries are under way; simultaneous deliveries share the time.
     pub fn seconds_per_block(&self) -> f64 {
         self.meter().seconds
     }
@@ -57,17 +57,17 @@ impl Intake {
     }
 }
 
-/// A delivery on its way in. What has arrived of it counts until it is dropped; what its header claims does not.
+/// A delivery under way. Bytes that have arrived count until it is dropped; those that its header claims do not.
 pub(crate) struct Delivery {
     intake: Arc<Intake>,
     room: Option<OwnedSemaphorePermit>,
-    /// It may have more than there is room for.
+    /// Held if it may exceed the room.
     beyond: Option<OwnedSemaphorePermit>,
 }
 
 impl Delivery {
-    /// Wait until there is room for so many bytes in all. When all the room is taken by deliveries that wait for more,
-    /// one of them goes on without, and makes room by its end.
+    /// Wait until there is room for `bytes` bytes in all. If waiting deliveries hold all the room, one of them
+    /// continues without, and frees its room when it ends.
     pub async fn grow(&mut self, bytes: u64) -> Result<(), Status> {
         let busy = || Status::resource_exhausted("too much arrives at the same time");
         let held = self.room.as_ref().map_or(0, OwnedSemaphorePermit::num_permits) as u64;
@@ -150,7 +150,7 @@ mod tests {
         let start = Instant::now();
         let at = |ms: u64| start + Duration::from_millis(ms);
         let mut meter = Meter::default();
-        // One every 10 ms, each of which takes 100 ms.
+        // One every 10 ms, each taking 100 ms.
         for i in 0..500 {
             meter.begin(at(10 * i));
             if i >= 10 {
@@ -177,7 +177,7 @@ mod tests {
             delivery.grow(largest).await.unwrap();
             inside.push(delivery);
         }
-        // One goes on whatever there is.
+        // One continues regardless.
         let mut beyond = intake.begin();
         beyond.grow(largest).await.unwrap();
         assert!(beyond.beyond.is_some());
@@ -209,7 +209,7 @@ mod tests {
     async fn what_only_claims_to_come_takes_no_room_and_those_that_wait_for_each_other_end() {
         let largest = BYTES / 4;
         let intake = Arc::new(Intake::new(largest));
-        // Half of each of eight is all the room that there is.
+        // Half of each of eight fills all the room.
         let mut halves = Vec::new();
         for _ in 0..8 {
             let mut delivery = intake.begin();

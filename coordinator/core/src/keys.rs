@@ -1,5 +1,5 @@
-//! By what workers are known: whoever registers gets a key, which all its other calls must show. Numbers of workers, as
-//! logs and the page have them, open nothing.
+//! Keys of workers: a worker gets a key when it registers and must show it in all other calls. The worker numbers in
+//! logs and on the page grant no access.
 
 use beamfarm_proto::{Fingerprint, WorkerId};
 use std::collections::HashMap;
@@ -15,10 +15,10 @@ pub(crate) struct Seat {
     pub worker: WorkerId,
 }
 
-/// A worker at its job, and at those where it was before.
+/// A worker at its job, and at its earlier jobs.
 #[derive(Clone, Debug)]
 pub(crate) struct Seats {
-    /// What the worker is known by.
+    /// The fingerprint that identifies it.
     pub own: Fingerprint,
     pub now: Seat,
     pub before: Vec<Seat>,
@@ -32,14 +32,15 @@ impl Seats {
     }
 }
 
-/// The keys of a coordinator's workers. One that was restarted knows none of those given out before.
+/// The keys of a coordinator's workers. A restarted coordinator knows none of the earlier ones.
 #[derive(Default)]
 pub(crate) struct Keys {
     workers: Mutex<HashMap<u64, Seats>>,
 }
 
 impl Keys {
-    /// A key that nobody can guess. `knows`: whether a worker is still remembered; the keys of others open nothing.
+    /// Issue a key that cannot be guessed. `knows`: whether a worker is still remembered; keys of other workers are
+    /// removed.
     pub fn issue(&self, seats: Seats, knows: impl Fn(Seat) -> bool) -> Result<u64, Status> {
         let key = getrandom::u64().map_err(|error| Status::internal(format!("no random numbers: {error}")))?;
         let mut workers = self.workers();
@@ -48,17 +49,17 @@ impl Keys {
         }
         match workers.insert(key, seats) {
             None => Ok(key),
-            // Once in 2^64 attempts. The other one has to register again.
+            // Once in 2^64 attempts. The other worker has to register again.
             Some(_) => Err(Status::unavailable("two workers have the same key")),
         }
     }
 
-    /// Whose key it is.
+    /// The owner of the key.
     pub fn seats(&self, key: u64) -> Result<Seats, Status> {
         self.known(key).ok_or_else(unknown)
     }
 
-    /// The same, if it is anybody's.
+    /// The owner of the key, if any.
     pub fn known(&self, key: u64) -> Option<Seats> {
         self.workers().get(&key).cloned()
     }
@@ -68,7 +69,7 @@ impl Keys {
     }
 }
 
-/// What a worker hears whom nobody knows.
+/// The answer to an unknown worker.
 pub(crate) fn unknown() -> Status {
     Status::not_found("no worker with this key is registered here")
 }

@@ -1,10 +1,27 @@
-//! The coordinator: hands passes out, checks what comes back, and adds it up.
+//! The coordinator: which worker renders which passes, do the results count, and what is the image so far?
 //!
-//! [`ledger`] decides who renders what and knows neither clock nor network; [`farm`] is the job as a whole, shared by
-//! all calls, and a [`series`] is several of them one after the other; [`server`] is the way in, for workers and those
-//! who [`watch`], as far as [`security`] lets them pass.
-//! [`revisions`] are for scenes that change while they are looked at. The renderer is not needed here: a scene is bytes
-//! and a hash.
+//! ```text
+//!  JobSpec ──► Farm ◄──► ledger                    who renders what: leases, checks, verdicts
+//!               ▲
+//!               │ service                          leases out, blocks in
+//!               │ listener, security, limits
+//!               ▼
+//!            workers
+//!
+//!  block ──► intake ──► examine ──► sum of passes ─┬─► store   checkpoints, ledger.jsonl, report.json
+//!                                                  └─► watch   page, /metrics, `beamfarm status`, tev
+//! ```
+//!
+//! **Data.** A [`JobSpec`] has the scene as bytes, the settings of its passes, and their number. The crate never looks
+//! into the scene and does not depend on the renderer. The result is one sum of all passes that count, from which
+//! [`Farm::average`] makes the image. A [`store::Folder`] keeps what a job needs to resume after a crash.
+//!
+//! **Entrance.** Make a [`Farm`], wrap it in a [`Watch`], and call [`server::run`]. [`server::serve`] does the same for
+//! a [`Series`] of jobs, such as the frames of an animation, and [`server::look`] for [`revisions`], a scene that
+//! changes while it is rendered.
+//!
+//! **Where to look.** [`ledger`] is the state machine of leases, without clock or network; [`farm`] ties it to the sum.
+//! [`watch`] serves those who look on. [`security`] decides who is admitted, and [`limits`] how much each peer may use.
 
 mod arriving;
 mod chunks;

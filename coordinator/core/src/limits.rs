@@ -1,4 +1,4 @@
-//! What one peer may take of the coordinator's time and memory.
+//! How much of the coordinator's time and memory one peer may use.
 
 use axum::body::Body;
 use http_body::{Body as HttpBody, Frame, SizeHint};
@@ -11,33 +11,32 @@ use tokio::time::{Instant, Sleep, sleep_until};
 /// Limits of a listener.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Connections at a time, or fewer where the process may not open so many files; more are closed at once.
+    /// The most connections, or fewer if the process may not open so many files. Further ones are closed at once.
     pub connections: usize,
-    /// Those of them that have not shown yet that they may come in; of more the oldest are closed.
+    /// The most connections that are not authorised yet. Beyond it the oldest are closed.
     pub strangers: usize,
-    /// Time for a connection to become one: TLS, and its first request that may come in.
+    /// Time for TLS and the first authorised request.
     pub greeting: Duration,
-    /// Time that the answer to a wrong token takes.
+    /// Delay of the answer to a wrong token.
     pub wrong_token: Duration,
-    /// Calls that one connection may have open. A worker needs about four.
+    /// The most open calls on a connection. A worker needs about four.
     pub calls: u32,
-    /// Requests a second on one connection, over some time; more have to wait.
+    /// Requests per second on one connection, averaged; further ones wait.
     pub requests_per_second: f64,
     /// Bytes of all headers of a request.
     pub header_bytes: u32,
-    /// Bytes of the body of a request that is no gRPC call; calls have [`crate::server::MESSAGE_BYTES`] a message.
+    /// Largest body of a request that is not a gRPC call, in bytes; calls are limited to
+    /// [`crate::server::MESSAGE_BYTES`] per message.
     pub form_bytes: usize,
-    /// Time that a request's body may stand still, the time for its first byte among it; and for a peer to take what is
-    /// sent to it.
+    /// How long a request's body may pause, also before its first byte, and how long a peer may take to read.
     pub stall: Duration,
-    /// Bytes a second that a body must bring, over some time.
+    /// Least bytes per second of a body, averaged.
     pub slowest: f64,
-    /// Messages a second of one worker's heartbeat; more have to wait.
+    /// Heartbeat messages per second of one worker; further ones wait.
     pub beats_per_second: f64,
-    /// How often an idle connection is probed, and how long the answer may take: machines that lose their network or
-    /// their power do not close connections.
+    /// How often an idle connection is probed. Machines that lose network or power do not close connections.
     pub probe_every: Duration,
-    /// See `probe_every`.
+    /// How long the answer to a probe may take.
     pub probe_timeout: Duration,
 }
 
@@ -61,12 +60,12 @@ impl Default for Limits {
     }
 }
 
-/// Files that a coordinator has open beside its connections: checkpoints, logs, the pipes of its workers, and room.
+/// Open files besides connections: checkpoints, logs, pipes of workers, and some spare.
 #[cfg(unix)]
 const FILES: u64 = 96;
 
 impl Limits {
-    /// The same, with no more connections than this process may open.
+    /// Limit the connections to the files that this process may open.
     pub(crate) fn within_files(self) -> Self {
         #[cfg(unix)]
         if let Some(files) = rustix::process::getrlimit(rustix::process::Resource::Nofile).current {
@@ -82,11 +81,11 @@ impl Limits {
     }
 }
 
-/// A bucket of as many tokens as come in a second: what happens more often has to wait.
+/// A token bucket that holds one second's worth; excess has to wait.
 #[derive(Debug)]
 pub(crate) struct Pace {
     rate: f64,
-    /// Tokens that were there at that time; below zero they are owed.
+    /// Tokens at the given time; negative if owed.
     state: Mutex<(f64, Instant)>,
 }
 
@@ -113,14 +112,13 @@ impl Pace {
     }
 }
 
-/// A request's body that must keep coming: it may stand still for a while, and has to be as fast as the slowest over
-/// its whole length.
+/// A request's body that must keep coming: it may pause for a while, and its mean rate must reach `slowest`.
 pub(crate) struct Steady {
     body: Body,
     limits: Limits,
     begun: Instant,
     bytes: f64,
-    /// Bytes that may still come, if there is a limit.
+    /// Bytes that may still come, if limited.
     room: Option<usize>,
     deadline: Pin<Box<Sleep>>,
 }
@@ -200,14 +198,15 @@ mod tests {
         for _ in 0..75 {
             pace.next().await;
         }
-        // The first second's worth comes at once. There is no upper bound on a busy machine.
+        // The first second's worth comes at once. No upper bound, as the machine may be busy.
         let taken = begun.elapsed().as_secs_f64();
         assert!(taken >= 0.45, "{taken}");
     }
 
     const STALL: f64 = 0.4;
 
-    /// Seconds that a body of `chunks` pieces of `size` bytes, `pause` apart, may come, and whether all of it did.
+    /// Receive `chunks` pieces of `size` bytes, `pause` seconds apart. Returns the seconds until the end, and whether
+    /// all arrived.
     async fn receive(chunks: usize, size: usize, pause: f64, room: Option<usize>) -> (f64, bool) {
         let pieces = tokio_stream::iter(0..chunks).then(move |_| async move {
             tokio::time::sleep(Duration::from_secs_f64(pause)).await;
@@ -227,12 +226,12 @@ mod tests {
 
     #[tokio::test]
     async fn bodies_have_to_keep_coming() {
-        // Longer than a body without bytes may take, at ten times the slowest rate.
+        // Longer than a body may pause, at ten times the slowest rate.
         assert!(receive(80, 1638, 0.01, None).await.1);
-        // Drops: each in time, all of them too slow.
+        // Drops: each in time, but too slow in all.
         let (seconds, whole) = receive(1000, 1, 0.01, None).await;
         assert!(!whole && seconds >= STALL, "{seconds}");
-        // A large piece earns time, but not to stand still.
+        // A large piece earns time, but not to pause.
         let (seconds, whole) = receive(2, 10 << 20, 3600.0, None).await;
         assert!(!whole && seconds >= STALL, "{seconds}");
         assert!(receive(2, 10, 0.0, Some(20)).await.1);

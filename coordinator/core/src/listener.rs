@@ -1,4 +1,4 @@
-//! Connections, from the moment that they are accepted: who gets one, what it may take, and when it ends.
+//! Connections from acceptance to end: who is admitted, and what each may use.
 
 use crate::limits::{Limits, Pace, Steady};
 use crate::rarely::Rarely;
@@ -26,27 +26,27 @@ use tokio_io_timeout::TimeoutStream;
 use tower::ServiceExt;
 use tracing::{debug, warn};
 
-/// Calls that a peer may begin and break off before they are looked at (HTTP/2 rapid reset).
+/// The most calls that a peer may open and cancel before they are handled (HTTP/2 rapid reset).
 const BROKEN_OFF: usize = 32;
-/// Time for a connection that has to make room.
+/// Time for a connection to close that has to make room.
 const FAREWELL: Duration = Duration::from_millis(50);
-/// Pause after the system refused a connection: it is out of file descriptors, say.
+/// Pause after the system refused a connection, for example because file descriptors ran out.
 const REFUSED_PAUSE: Duration = Duration::from_millis(100);
-/// The calls whose bodies stand still by design.
+/// Calls whose bodies pause by design.
 const ATTEND: [&str; 2] = ["/beamfarm.v1.Farm/Attend", "/beamfarm.v1.Revisions/Attend"];
 
-/// A socket, and what is asked of those who connect to it.
+/// A socket with its requirements and limits.
 pub struct Entrance {
-    /// Where they connect to.
+    /// The listening socket.
     pub listener: TcpListener,
-    /// Who may come in.
+    /// Who is admitted.
     pub security: Security,
-    /// What they may take.
+    /// What each peer may use.
     pub limits: Limits,
 }
 
 impl From<TcpListener> for Entrance {
-    /// For peers that are trusted: nothing is asked of them.
+    /// An entrance for trusted peers, without requirements.
     fn from(listener: TcpListener) -> Self {
         Self {
             listener,
@@ -56,18 +56,18 @@ impl From<TcpListener> for Entrance {
     }
 }
 
-/// What all connections of a listener share.
+/// Shared by all connections of a listener.
 struct Shared {
     router: Router,
     security: Security,
     limits: Limits,
-    /// The listener is for this machine alone.
+    /// Whether the listener serves this machine only.
     local: bool,
-    /// Of those who try one token after another.
+    /// Limits log lines about wrong tokens.
     wrong_tokens: Rarely,
 }
 
-/// Serve `router` until `shutdown` resolves, then let requests that are open come to their end.
+/// Serve `router` until `shutdown` resolves, then let open requests finish.
 pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Future<Output = ()>) {
     let Entrance {
         listener,
@@ -86,7 +86,7 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
     let places = Arc::new(Semaphore::new(limits.connections));
     let mut strangers = Strangers::default();
     let graceful = GracefulShutdown::new();
-    // Dropping it ends what is still open.
+    // Dropping it closes what is still open.
     let mut connections = JoinSet::new();
     tokio::pin!(shutdown);
     let mut full = false;
@@ -103,7 +103,7 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
             Some(_) = connections.join_next() => continue,
             () = &mut shutdown => break,
         };
-        // Those that were told to leave do so at once.
+        // Connections that were told to leave do so at once.
         let Ok(Ok(place)) = timeout(FAREWELL, places.clone().acquire_owned()).await else {
             if !std::mem::replace(&mut full, true) {
                 warn!("{} connections: {peer} and more are turned away", limits.connections);
@@ -127,36 +127,36 @@ pub(crate) async fn serve(entrance: Entrance, router: Router, shutdown: impl Fut
 
 type ConnectionError = Box<dyn std::error::Error + Send + Sync>;
 
-/// The end of the connection that a request came by. An extension of every request.
+/// Tells when a request's connection closes. An extension of every request.
 #[derive(Clone)]
 pub(crate) struct HangUp(watch::Receiver<()>);
 
 impl HangUp {
-    /// Resolves when the connection is over.
+    /// Resolves when the connection is closed.
     pub async fn happens(mut self) {
-        // Nothing is ever sent: the sender goes with the connection.
+        // Nothing is ever sent: the sender is dropped with the connection.
         while self.0.changed().await.is_ok() {}
     }
 }
 
-/// A connection of which nothing is known yet.
+/// A connection that is not authorised yet.
 struct Newcomer {
     peer: SocketAddr,
-    /// It has shown that it may come in.
+    /// Whether it has been authorised.
     greeted: AtomicBool,
-    /// Told when it has to make room for others.
+    /// Notified when it has to make room for others.
     leave: Notify,
 }
 
-/// Connections that have not greeted yet, by where they come from, oldest first. Where there are too many, those make
-/// room that come from where most do: however many come from there, others have the time that their way takes.
+/// Unauthorised connections by origin, oldest first. If there are too many, the origin with the most makes room. A
+/// flood from one origin leaves the others the time that they need.
 #[derive(Default)]
 struct Strangers {
     by_origin: BTreeMap<Origin, VecDeque<Weak<Newcomer>>>,
     count: usize,
 }
 
-/// Where connections come from: an address, or what one customer has of the addresses of the longer kind.
+/// The origin of connections: an IPv4 address, or the part of an IPv6 address that one customer owns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Origin {
     V4(Ipv4Addr),
@@ -173,7 +173,8 @@ impl Origin {
     }
 }
 
-/// As soon as there are too many strangers a part of them makes room, so that they are not looked through for each.
+/// When there are too many strangers, a part of them makes room at once, so that they are not searched for each
+/// connection.
 const PART: usize = 16;
 
 impl Strangers {
@@ -195,7 +196,7 @@ impl Strangers {
         newcomer
     }
 
-    /// Of those that have greeted, or are gone.
+    /// Forget those that are authorised or gone.
     fn forget_others(&mut self) {
         let is_stranger = |newcomer: Arc<Newcomer>| !newcomer.greeted.load(Ordering::Relaxed);
         for those in self.by_origin.values_mut() {
@@ -225,7 +226,7 @@ async fn connection(
 ) -> Result<(), ConnectionError> {
     stream.set_nodelay(true)?;
     let mut stream = TimeoutStream::new(stream);
-    // For peers that do not read what they asked for.
+    // For peers that do not read what they requested.
     stream.set_write_timeout(Some(shared.limits.stall));
     let stream = Box::pin(stream);
     let Some(tls) = &shared.security.tls else {
@@ -270,7 +271,7 @@ async fn requests(
         .timer(TokioTimer::new())
         .keep_alive_interval(limits.probe_every)
         .keep_alive_timeout(limits.probe_timeout)
-        // As much on its way as the network holds, and no more: what a thousand connections buffer is memory.
+        // Buffer no more than is in flight on the network: across a thousand connections buffers add up.
         .adaptive_window(true)
         .max_concurrent_streams(limits.calls)
         .max_header_list_size(limits.header_bytes)
@@ -287,7 +288,7 @@ async fn requests(
     };
     let has_to_leave = async {
         newcomer.leave.notified().await;
-        // It may have greeted at this moment.
+        // It may have been authorised just now.
         if newcomer.greeted.load(Ordering::Relaxed) {
             std::future::pending::<()>().await;
         }
@@ -313,7 +314,7 @@ impl Shared {
             }
             return refusal;
         }
-        // What anybody may ask is no greeting.
+        // Public requests do not authorise.
         if !is_for_all(&request) {
             newcomer.greeted.store(true, Ordering::Relaxed);
         }
@@ -341,7 +342,7 @@ mod tests {
         SocketAddr::new(address.parse().unwrap(), 7)
     }
 
-    /// Whether it has been told to make room.
+    /// Whether it was told to make room.
     fn is_told(newcomer: &Newcomer) -> bool {
         let told = newcomer.leave.notified();
         tokio::pin!(told);
@@ -358,7 +359,7 @@ mod tests {
             let mut knocking = VecDeque::new();
             for i in 0..5000_u32 {
                 let from = match flood.contains(':') {
-                    // All of one customer.
+                    // All owned by one customer.
                     true => format!("2001:db8::{i:x}"),
                     false => flood.into(),
                 };

@@ -1,27 +1,27 @@
-//! What blocks look like beside each other: those that look unlike others are checked at once. It says nothing of who
-//! is right; passes with a bright caustic look unlike others as well.
+//! Compares blocks with each other: outliers are checked at once. An outlier is not necessarily wrong; passes with a
+//! bright caustic are outliers too.
 
 use beamfarm_image::job::Block;
 use beamfarm_image::look::Look;
 use std::collections::BTreeMap;
 
-/// Blocks that have to be there before one is unlike them.
+/// Blocks needed before one can be an outlier.
 const FEW: u32 = 12;
-/// A mean is odd at so many standard deviations from that of others.
+/// A mean is an outlier at this many standard deviations from the others.
 const DEVIATIONS: f64 = 6.0;
-/// Means that differ by no more than this part are alike, however little others differ.
+/// Means within this relative difference are alike, however little others differ.
 const ALIKE: f64 = 1e-3;
-/// A value is odd that is so many times the largest of others.
+/// A value is an outlier at this many times the largest of the others.
 const LARGER: f32 = 1e4;
-/// Radiance that is odd whatever others show.
+/// Radiance beyond this is an outlier whatever the others are.
 const HUGE: f32 = 1e12;
 
-/// What the blocks of a job look like.
+/// Brightness statistics of a job's blocks.
 #[derive(Debug, Default)]
 pub struct Plausible {
     blocks: u32,
-    /// Of blocks that are like others, or that two machines found: passes, the mean of their means, and the sum of
-    /// squared deviations from it.
+    /// Over blocks that are no outliers or that were confirmed: passes, mean of their means, and sum of squared
+    /// deviations.
     passes: f64,
     mean: f64,
     squares: f64,
@@ -31,13 +31,13 @@ pub struct Plausible {
 }
 
 impl Plausible {
-    /// Whether the block looks unlike those before it.
+    /// Whether the block is an outlier among those before it.
     pub fn is_odd(&mut self, block: Block, look: Look) -> bool {
         let Look { mean, least, most } = look;
         let passes = block.len() as f64;
         let enough = self.blocks >= FEW;
         let away = mean - self.mean;
-        // Of a pass; a mean of several deviates less.
+        // Variance of a single pass; a mean of several varies less.
         let variance = self.squares / f64::from(self.blocks.saturating_sub(1).max(1));
         let longest = DEVIATIONS * (variance * (1.0 / passes + 1.0 / self.passes.max(1.0))).sqrt();
         let is_far = enough && away.abs() > longest.max(ALIKE * self.mean.abs());
@@ -50,7 +50,7 @@ impl Plausible {
         is_odd
     }
 
-    /// Two machines found this block: such are odd no more. Those that nobody confirmed make no room for their kind.
+    /// Two machines found this block: similar ones are outliers no more. Unconfirmed outliers do not widen the range.
     pub fn confirm(&mut self, block: Block) {
         if let Some(look) = self.odd.remove(&block) {
             self.add(block, look);
@@ -73,7 +73,7 @@ impl Plausible {
 mod tests {
     use super::*;
 
-    /// Passes that differ by a tenth.
+    /// Passes that vary by a tenth.
     fn look(pass: u64, factor: f64) -> Look {
         let noise = (pass as f64 * 0.618).fract() - 0.5;
         let mean = factor * (1.0 + 0.2 * noise);

@@ -1,17 +1,17 @@
-//! What may happen often and need not be told as often.
+//! Limits log lines about frequent events.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Time between tellings.
+/// Least time between reports.
 const TELL_EVERY: Duration = Duration::from_secs(10);
 
-/// Counts what is not told, until it is time to tell it.
+/// Counts unreported events until the next report is due.
 #[derive(Debug, Default)]
 pub(crate) struct Rarely(Mutex<(u64, Option<Instant>)>);
 
 impl Rarely {
-    /// It happened once more. If it is to be told now: how often it did since it was told last.
+    /// Count an event. If a report is due, returns the number of events since the last one.
     pub fn tell(&self) -> Option<u64> {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let (count, told) = &mut *state;

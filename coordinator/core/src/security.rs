@@ -1,4 +1,4 @@
-//! Who may come in: TLS, certificates of clients, and the token.
+//! Who is admitted: TLS, client certificates, and the token.
 
 use axum::response::{IntoResponse, Response};
 use base64::Engine;
@@ -13,48 +13,48 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use tonic::Status;
 
-/// What answers that the coordinator lives. Says nothing of the job, and asks for no token.
+/// Path that reports that the coordinator is alive. Reveals nothing about the job and needs no token.
 pub const HEALTH: &str = "/healthz";
-/// The page for those whom a link brings with the token behind its #, and its script. They say nothing of the job.
+/// The page, with its script, for links that carry the token after the #. It reveals nothing about the job.
 pub const ENTER: &str = "/enter";
 pub(crate) const ENTER_SCRIPT: &str = "/enter.js";
-/// What the page's buttons do: they write the image, and steer the job.
+/// Paths of the page's buttons, which write the image and control the job.
 pub(crate) const WRITE: &str = "/write";
 pub(crate) const PAUSE: &str = "/pause";
 pub(crate) const RESUME: &str = "/resume";
 pub(crate) const EXTEND: &str = "/extend";
 pub(crate) const CANCEL: &str = "/cancel";
-/// What the page of a live view says and hears: it changes the scene.
+/// Path of the live view's socket, which changes the scene.
 pub const LOOK: &str = "/look";
-/// What the paths of calls for people begin with, and the one that only looks.
+/// Path prefix of the calls for people, and the one that only reads.
 const CONTROL: &str = "/beamfarm.v1.Control/";
 const STATUS: &str = "/beamfarm.v1.Control/Status";
-/// What the paths of gRPC calls begin with.
+/// Path prefix of gRPC calls.
 const CALLS: &str = "/beamfarm.v1.";
 
-/// What a listener asks of those who connect to it. Nothing by default.
+/// What a listener requires of those who connect. Nothing by default.
 #[derive(Clone, Debug, Default)]
 pub struct Security {
-    /// TLS, with what it asks of clients.
+    /// TLS, with its requirements for clients.
     pub tls: Option<Tls>,
-    /// What every request but [`HEALTH`] and [`ENTER`] has to tell.
+    /// The token for every request except [`HEALTH`] and [`ENTER`].
     pub token: Option<Token>,
-    /// What those have to tell that steer the job or change the scene, in place of that; `None`: the token is enough.
-    /// It is good for everything else as well. Where there is no token, all but workers have to tell it.
+    /// The token for requests that control the job or change the scene; `None`: `token` is enough. It is valid for
+    /// everything else too. If there is no `token`, everyone but workers must show it.
     pub operator: Option<Token>,
 }
 
-/// TLS 1.3 on this side.
+/// The server side of TLS 1.3.
 #[derive(Clone, Debug)]
 pub struct Tls {
     pub(crate) config: Arc<ServerConfig>,
-    /// Nobody gets in without a certificate.
+    /// Whether clients need a certificate.
     clients: bool,
 }
 
 impl Tls {
-    /// From PEM: the certificate with those between it and its authority, its private key, and the authorities that
-    /// vouch for clients, which then must show a certificate. The error is for people.
+    /// From PEM: the certificate with its intermediates, its private key, and the authorities for client certificates,
+    /// which clients then must show. The error is for people.
     pub fn new(chain: &[u8], key: &[u8], clients: Option<&[u8]>) -> Result<Self, String> {
         let chain = certificates(chain, "the certificate")?;
         let key = PrivateKeyDer::from_pem_slice(key).map_err(|error| format!("the private key is not PEM: {error}"))?;
@@ -103,7 +103,7 @@ impl Security {
         self.token.is_some() || self.tls.as_ref().is_some_and(|tls| tls.clients)
     }
 
-    /// Refuses an address that other machines reach when strangers are let in, unless that was asked for by name.
+    /// Refuse an address that other machines can reach without authentication, unless `insecure` is set.
     pub fn check(&self, address: SocketAddr, insecure: bool) -> Result<(), String> {
         if address.ip().is_loopback() || self.keeps_strangers_out() || insecure {
             return Ok(());
@@ -115,7 +115,7 @@ impl Security {
         ))
     }
 
-    /// Whether a request shows a token that is none.
+    /// Whether a request shows an invalid token.
     pub(crate) fn is_wrong<B>(&self, request: &Request<B>) -> bool {
         let headers = request.headers();
         let shown = headers.contains_key(header::AUTHORIZATION);
@@ -124,7 +124,7 @@ impl Security {
         shown && tokens.peek().is_some() && !tokens.any(is_token)
     }
 
-    /// The scheme of its addresses.
+    /// The URL scheme.
     pub fn scheme(&self) -> &'static str {
         match self.tls {
             Some(_) => "https",
@@ -132,7 +132,7 @@ impl Security {
         }
     }
 
-    /// The answer to those who may not come in. `local`: the listener is for this machine alone.
+    /// The answer to a request that is not admitted. `local`: the listener serves this machine only.
     pub(crate) fn refuse<B>(&self, request: &Request<B>, local: bool) -> Option<Response> {
         let headers = request.headers();
         if is_for_all(request) {
@@ -174,19 +174,19 @@ impl Security {
     }
 }
 
-/// Whether a request asks for what anybody may have.
+/// Whether a request asks for something public.
 pub(crate) fn is_for_all<B>(request: &Request<B>) -> bool {
     matches!(request.uri().path(), HEALTH | ENTER | ENTER_SCRIPT)
 }
 
-/// Whether a request changes what becomes of the job, beside what workers do.
+/// Whether a request controls the job, other than as a worker.
 fn steers<B>(request: &Request<B>) -> bool {
     let path = request.uri().path();
     let buttons = [WRITE, PAUSE, RESUME, EXTEND, CANCEL, LOOK];
     buttons.contains(&path) || path.starts_with(CONTROL) && path != STATUS
 }
 
-/// The token in a request: as bearer, or as the password of whatever user, which is what browsers can ask for.
+/// The token in a request: as bearer token, or as the password of any user, which browsers can ask for.
 fn secret(headers: &HeaderMap) -> Option<Vec<u8>> {
     let value = headers.get(header::AUTHORIZATION)?.as_bytes();
     let space = value.iter().position(|byte| *byte == b' ')?;
@@ -213,11 +213,11 @@ fn host<B>(request: &Request<B>) -> &str {
     }
 }
 
-/// Whether a browser sends this for a page of some other site. It adds the password that it remembers, and asks nobody.
+/// Whether a browser sends this on behalf of another site. Browsers add remembered passwords without asking.
 fn from_other_site<B>(request: &Request<B>) -> bool {
     let headers = request.headers();
     if let Some("cross-site" | "same-site") = text(headers, "sec-fetch-site") {
-        // Links from elsewhere may lead here.
+        // Links from other sites may lead here.
         let link = text(headers, "sec-fetch-mode") == Some("navigate");
         return !(link && request.method().is_safe());
     }
@@ -226,8 +226,8 @@ fn from_other_site<B>(request: &Request<B>) -> bool {
     origin.is_some_and(|origin| origin != host(request))
 }
 
-/// Whether this may come from a page that reaches this machine by a name of its own (DNS rebinding), which makes it the
-/// same site. `localhost` and addresses are nobody's to point elsewhere; workers are no browsers, and say no origin.
+/// Whether this may come from a page that reaches this machine by a foreign name (DNS rebinding), which makes it
+/// same-site. `localhost` and IP addresses cannot be rebound; workers are not browsers and send no origin.
 fn rebound<B>(request: &Request<B>) -> bool {
     if request.uri().path().starts_with(CALLS) && !request.headers().contains_key(header::ORIGIN) {
         return false;
@@ -243,7 +243,7 @@ pub(crate) fn is_grpc(headers: &HeaderMap) -> bool {
     kind.is_some_and(|kind| kind.as_bytes().starts_with(b"application/grpc"))
 }
 
-/// A refusal that whoever asked understands.
+/// A refusal in the form that the client understands.
 pub(crate) fn answer(asked: &HeaderMap, status: Status) -> Response {
     if is_grpc(asked) {
         return status.into_http();
@@ -378,7 +378,7 @@ mod tests {
         let password = ("authorization", password.as_str());
         let refused = |security: &Security, local, headers: &[(&str, &str)]| {
             let answer = security.refuse(&request(headers), local);
-            // The other refusal is for the lack of a token: 401, or 16.
+            // The other refusal is for a missing token: 401, or 16.
             answer.is_some_and(|answer| match answer.headers().get("grpc-status") {
                 Some(code) => code == "7",
                 None => answer.status() == StatusCode::FORBIDDEN,
@@ -403,7 +403,7 @@ mod tests {
         let rebound: [&[(&str, &str)]; 4] = [
             &[("host", "rebound.example:7325")],
             &[],
-            // What a page may say of its request is no reason to believe it.
+            // What a page claims about its request is no reason to trust it.
             &[("host", "rebound.example"), grpc],
             &[("host", "rebound.example"), grpc, ("origin", "http://rebound.example")],
         ];
@@ -412,7 +412,7 @@ mod tests {
             assert!(!refused(&open, false, headers), "{headers:?}");
             assert!(!refused(&with_token(), true, headers), "{headers:?}");
         }
-        // A worker, by whatever name it knows this machine.
+        // A worker may know this machine by any name.
         let call = |origin: &[(&str, &str)]| {
             let mut call = request(&[&[("host", "gateway:7325"), grpc], origin].concat());
             *call.uri_mut() = http::Uri::from_static("/beamfarm.v1.Farm/Register");

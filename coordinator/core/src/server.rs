@@ -1,4 +1,4 @@
-//! The way into a farm.
+//! The network entrance to a farm.
 
 use crate::control;
 use crate::limits::Limits;
@@ -25,56 +25,56 @@ use tokio::time::{sleep, timeout};
 use tonic::service::Routes;
 use tracing::{Instrument, Span, error_span};
 
-/// Bytes of a message: a chunk, with what is around it.
+/// The most bytes in a message: a chunk and its envelope.
 pub const MESSAGE_BYTES: usize = CHUNK_BYTES + (64 << 10);
-/// Connections that wait until they are taken; systems have limits of their own below.
+/// The most connections that wait to be accepted; the system may set a lower limit.
 const BACKLOG: u32 = 16384;
-/// Longest time for workers to hear that the job is over.
+/// The most time for workers to hear that the job is over.
 const FAREWELL: Duration = Duration::from_secs(2);
-/// Longest time for pages that are open to fetch the last picture.
+/// The most time for open pages to fetch the last picture.
 const LAST_LOOK: Duration = Duration::from_secs(2);
 /// Time for the workers of a live view to hear of its end.
 const LAST_BREATH: Duration = Duration::from_millis(200);
-/// Longest time for replies that are under way.
+/// The most time for replies under way.
 const LAST_WORDS: Duration = Duration::from_secs(2);
 
-/// Listen here. Connections that come faster than they are taken wait, as many as the system lets: all workers of a
-/// large farm may start at the same moment.
+/// Listen on this address. Connections that arrive faster than they are accepted wait, as many as the system allows:
+/// all workers of a large farm may start at the same moment.
 ///
 /// # Errors
-/// The address is taken, or not this machine's.
+/// The address is in use, or does not belong to this machine.
 pub fn listen(address: SocketAddr) -> io::Result<TcpListener> {
     let socket = match address {
         SocketAddr::V4(_) => TcpSocket::new_v4()?,
         SocketAddr::V6(_) => TcpSocket::new_v6()?,
     };
-    // Elsewhere it would let two programs have the same port.
+    // Elsewhere it would let two programs share the port.
     #[cfg(unix)]
     socket.set_reuseaddr(true)?;
     socket.bind(address)?;
     socket.listen(BACKLOG)
 }
 
-/// Serve the farm, and those who watch it, until `shutdown` resolves, then until every worker has heard of it and hung
-/// up, and every open page has its last picture, for a few seconds at most.
+/// Serve the farm and those who watch it until `shutdown` resolves. Then wait, for a few seconds at most, until every
+/// worker has heard of the end and hung up, and every open page has the last picture.
 ///
-/// To end well, end the job first: that is what workers wait to hear.
+/// For a clean end, end the job first: that is what workers wait to hear.
 pub async fn run(entrance: impl Into<Entrance>, watch: Arc<Watch>, shutdown: impl Future<Output = ()>) {
     serve(entrance, Series::of(watch), shutdown).await;
 }
 
-/// The same with several jobs, one after the other.
+/// Serve several jobs, one after another.
 pub async fn serve(entrance: impl Into<Entrance>, series: Arc<Series>, shutdown: impl Future<Output = ()>) {
     let (closing, mut closed) = tokio::sync::watch::channel(false);
     let entrance = entrance.into();
     let router = router(&series, entrance.limits).await;
     let server = listener::serve(entrance, router, async move {
-        // An error means that the sender is gone, with the same consequence.
+        // An error means that the sender is gone, which has the same effect.
         let _ = closed.wait_for(|closing| *closing).await;
     });
     let farewell = async {
         shutdown.await;
-        // Calls are answered meanwhile: nobody who asks for the last time shall find a closed door.
+        // Calls are still answered, so that nobody's last request is refused.
         let watch = series.current();
         let _ = tokio::join!(watch.left_alone(LAST_LOOK), timeout(FAREWELL, series.deserted()));
         closing.send_replace(true);
@@ -87,7 +87,7 @@ pub async fn serve(entrance: impl Into<Entrance>, series: Arc<Series>, shutdown:
     }
 }
 
-/// All that the port answers. Who may ask is decided before.
+/// All routes of the port. Authorisation happens before.
 pub async fn router(series: &Arc<Series>, limits: Limits) -> Router {
     let service = Service::new(series.clone(), limits);
     let calls = FarmServer::new(service).max_decoding_message_size(MESSAGE_BYTES);
@@ -95,7 +95,7 @@ pub async fn router(series: &Arc<Series>, limits: Limits) -> Router {
     let (health, health_service) = tonic_health::server::health_reporter();
     health.set_serving::<FarmServer<Service>>().await;
     health.set_serving::<ControlServer<control::Service>>().await;
-    // Every line of the log says which job it is about. Where there are several, each call finds out.
+    // Every log line names its job. If there are several, each call finds out which.
     let job: Option<Arc<str>> = (!series.is_of_several()).then(|| series.current().id().into());
     let name_job = from_fn(move |request: Request, next: Next| {
         let span = job
@@ -111,7 +111,7 @@ pub async fn router(series: &Arc<Series>, limits: Limits) -> Router {
         .layer(name_job)
 }
 
-/// Serve a live view to its workers, and `page` to those who look, until `shutdown` resolves.
+/// Serve a live view to its workers, and `page` to its viewers, until `shutdown` resolves.
 pub async fn look(entrance: Entrance, page: Router, revisions: Arc<Revisions>, shutdown: impl Future<Output = ()>) {
     let service = RevisionsServer::new(revisions::Service::new(revisions.clone()));
     let routes = Routes::from(web::around(page)).add_service(service.max_decoding_message_size(MESSAGE_BYTES));
@@ -120,7 +120,7 @@ pub async fn look(entrance: Entrance, page: Router, revisions: Arc<Revisions>, s
         () = server => {}
         () = shutdown => {
             revisions.finish();
-            // For workers to hear of it.
+            // Time for workers to hear of it.
             sleep(LAST_BREATH).await;
         }
     }

@@ -1,4 +1,4 @@
-//! The calls of farm.proto. Each unwraps its message, asks the farm at which the worker is, and wraps the answer.
+//! The calls of farm.proto. Each unpacks its message, asks the farm that the worker is at, and packs the answer.
 
 use crate::chunks::{FileStream, in_chunks};
 use crate::examine::{Claim, Flaw};
@@ -22,22 +22,22 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 use tracing::{Instrument, Span, warn};
 
-/// Longest message about a failure, in bytes.
+/// Longest failure message, in bytes.
 const TEXT_BYTES: usize = 1000;
-/// Longest name that is remembered: there may be many.
+/// Longest name that is remembered, in bytes; there may be many.
 const NAME_BYTES: usize = 200;
-/// Engines that a worker may offer, or say that it lacks.
+/// The most engines that a worker may offer or report as missing.
 const ENGINES: usize = 16;
-/// Blocks that a worker may claim.
+/// The most blocks that a worker may claim.
 const HELD: usize = 16;
 
 pub(crate) struct Service {
     series: Arc<Series>,
-    /// Deliveries that are decoded at the same time; others wait as bytes.
+    /// Limits the deliveries decoded at a time; others wait as bytes.
     decoders: Arc<Semaphore>,
     limits: Limits,
     keys: Keys,
-    /// Registrations that are refused for their version.
+    /// Limits log lines about registrations refused for their version.
     other_versions: Rarely,
 }
 
@@ -53,7 +53,7 @@ impl Service {
         }
     }
 
-    /// Whose key it is, and the job at which that worker is.
+    /// The owner of a key, and the job that the worker is at.
     fn at_work(&self, key: u64) -> Result<(Arc<Workplace>, Seats), Status> {
         let seats = self.keys.seats(key)?;
         let place = self.series.place(seats.now.job).ok_or_else(unknown)?;
@@ -61,7 +61,7 @@ impl Service {
         Ok((place, seats))
     }
 
-    /// The lines that a call writes say which job it is about.
+    /// The span that names the job in a call's log lines.
     fn span(&self, place: &Workplace) -> Span {
         match self.series.is_of_several() {
             true => place.span(),
@@ -69,20 +69,20 @@ impl Service {
         }
     }
 
-    /// Where the worker was before: at jobs that are still open.
+    /// Where the worker was before, as far as those jobs are still open.
     fn seats_before(&self, key: u64) -> Option<Seats> {
         let mut seats = self.keys.known(key).filter(|_| key != 0)?;
         seats.before.retain(|seat| self.series.place(seat.job).is_some());
         Some(seats)
     }
 
-    /// A worker of this key delivered wrong pixels for some job.
+    /// Whether a worker with this key delivered wrong pixels for any job.
     fn is_convicted(&self, who: &Who) -> bool {
         let convicted = self.series.convicted();
         convicted.iter().any(|convicted| convicted.known_by() == who.known_by())
     }
 
-    /// Take a worker in where it belongs. `None`: it has to render its test picture first.
+    /// Admit a worker to its job. `None`: it must render its test picture first.
     fn welcome(
         &self,
         place: &Workplace,
@@ -134,7 +134,7 @@ impl Service {
     }
 }
 
-/// What a worker offers of the job's engine.
+/// The worker's offer for the job's engine.
 fn offer_for(farm: &Farm, name: &str, request: &wire::RegisterRequest) -> Result<Offer, Status> {
     let engine = farm.job().settings.engine;
     for offer in request.offers.iter().take(ENGINES) {
@@ -191,18 +191,18 @@ impl From<Refusal> for Status {
     }
 }
 
-/// Leases with the number of passes that are rendered of each.
+/// Leases, each with its number of rendered passes.
 fn leases(beat: &wire::Heartbeat) -> Vec<(LeaseId, u64)> {
     let rendered = beat.rendered.iter().copied().chain(std::iter::repeat(0));
     let leases = beat.leases.iter().map(|lease| LeaseId(*lease));
     leases.zip(rendered).collect()
 }
 
-/// Why the bytes of a delivery are not there.
+/// Why a delivery's bytes are missing.
 enum BodyError {
-    /// The connection.
+    /// The connection failed.
     Cut(Status),
-    /// The sender.
+    /// The sender is at fault.
     Wrong(String),
 }
 
@@ -233,7 +233,7 @@ async fn read_body(
     }
 }
 
-/// What to say to a worker whose program is another one than this.
+/// Why a worker's program does not match this one.
 pub(crate) fn same_program(version: &str, protocol: u32) -> Result<(), String> {
     if version == VERSION && protocol == PROTOCOL {
         return Ok(());
@@ -297,7 +297,7 @@ impl FarmService for Service {
         };
         let worker = seats.now.worker;
         if let Some(hang_up) = hang_up {
-            // A job that is over is not kept for its workers' connections.
+            // Weak, so that workers' connections do not keep a finished job alive.
             let farm = Arc::downgrade(farm);
             let notice = async move {
                 hang_up.happens().await;
@@ -339,7 +339,7 @@ impl FarmService for Service {
         let Some(bytes) = self.series.file(hash) else {
             let message = format!("no file of this scene has the hash {hash}");
             return Err(match self.series.is_of_several() {
-                // One of a job that is over meanwhile: register again.
+                // The job is over meanwhile: register again.
                 true => Status::not_found(message),
                 false => Status::invalid_argument(message),
             });
@@ -378,14 +378,14 @@ impl FarmService for Service {
                             }
                             pace.next().await;
                         }
-                        // Hung up, cut off, or not making sense.
+                        // Hung up, was cut off, or sent nonsense.
                         _ => break,
                     },
                     _ = farm.ended() => {
-                        // Fails when the worker has gone.
+                        // Fails when the worker is gone.
                         let elsewhere = series.goes_on();
                         let _ = sender.send(Ok(wire::Notice { done: !elsewhere, elsewhere })).await;
-                        // It is there until it hangs up.
+                        // The worker is present until it hangs up.
                         while let Ok(Ok(Some(_))) = timeout(farm.timing().lease, beats.message()).await {}
                         break;
                     }
@@ -401,7 +401,7 @@ impl FarmService for Service {
     async fn lease(&self, request: Request<wire::LeaseRequest>) -> Result<Response<wire::LeaseReply>, Status> {
         let request = request.into_inner();
         let (place, seats) = self.at_work(request.worker)?;
-        // A worker of the coordinator before, with another scene, shall hear that it is unknown, and register again.
+        // A worker of the previous coordinator with another scene must hear that it is unknown, and register again.
         place.farm().beat(seats.now.worker, [])?;
         check_scene(place.farm(), SceneHash::from_wire(&request.scene, "scene")?)?;
         place.farm().renders_together(seats.now.worker, request.together);

@@ -1,7 +1,8 @@
-//! The image in [tev](https://github.com/Tom94/tev), by its display protocol: little-endian packets over TCP, of which
-//! two are needed. Each begins with its own length (u32, itself included) and its kind (u8); texts end in a zero byte.
+//! Shows the image in [tev](https://github.com/Tom94/tev) through its display protocol: little-endian packets over TCP,
+//! two kinds of which are used. A packet starts with its length (u32, including itself) and its kind (u8); strings end
+//! with a zero byte.
 //!
-//! A tev that is not there, or goes away, changes nothing for the job.
+//! If tev is missing or goes away, the job is unaffected.
 
 use crate::farm::Farm;
 use crate::watch::Watch;
@@ -14,7 +15,7 @@ use tokio::net::TcpStream;
 use tokio::time::{sleep, timeout};
 use tracing::{info, warn};
 
-/// Time between two images; and between two attempts to reach tev.
+/// Time between images, and between attempts to reach tev.
 const PAUSE: Duration = Duration::from_secs(2);
 const RETRY: Duration = Duration::from_secs(10);
 /// Time for tev to take an image.
@@ -24,8 +25,8 @@ const CREATE_IMAGE: u8 = 4;
 const UPDATE_IMAGE_V3: u8 = 6;
 const CHANNELS: [&str; 3] = ["R", "G", "B"];
 
-/// Show the image of the complete passes in the tev at this address (`host:port`) whenever there is a new one, until
-/// the job ends; the last image too.
+/// Show the image of the complete passes in the tev at this address (`host:port`) whenever it changes, until the job
+/// ends, including the final image.
 pub async fn show(watch: Arc<Watch>, address: String) {
     let mut reached = true;
     loop {
@@ -57,7 +58,7 @@ async fn connect(address: &str) -> io::Result<TcpStream> {
         .map_err(io::Error::from)?
 }
 
-/// Send images until the job has ended and its last one is sent.
+/// Send images until the job has ended and its final image is sent.
 async fn feed(watch: &Watch, stream: &mut TcpStream) -> io::Result<()> {
     let name = watch.id();
     let mut sent = 0;
@@ -91,7 +92,7 @@ async fn ended_within(farm: &Farm, time: Duration) -> bool {
     }
 }
 
-/// A new image, black.
+/// Packet for a new, black image.
 fn create(name: &str, film: &Film) -> io::Result<Vec<u8>> {
     let mut packet = begin(CREATE_IMAGE, true, name);
     packet.extend(film.width.to_le_bytes());
@@ -101,7 +102,7 @@ fn create(name: &str, film: &Film) -> io::Result<Vec<u8>> {
     finish(packet)
 }
 
-/// All pixels of an image, in rows from the top, channels interleaved.
+/// Packet for all pixels of an image: rows from the top, channels interleaved.
 fn update(name: &str, film: &Film) -> io::Result<Vec<u8>> {
     let mut packet = begin(UPDATE_IMAGE_V3, false, name);
     packet.reserve(12 * film.pixels.len() + 100);
@@ -110,7 +111,7 @@ fn update(name: &str, film: &Film) -> io::Result<Vec<u8>> {
     for number in [0, 0, film.width, film.height] {
         packet.extend(number.to_le_bytes());
     }
-    // Where the channels begin, and how far apart their values are.
+    // Channel offsets, then strides.
     for number in [0u64, 1, 2, 3, 3, 3] {
         packet.extend(number.to_le_bytes());
     }

@@ -1,4 +1,4 @@
-//! The scene, and what its passes depend on.
+//! A scene and the settings of its passes.
 
 use super::wait::{State, wait_for};
 use super::{Failure, memory, wait};
@@ -10,35 +10,35 @@ use beamfarm_worker::engine::Where;
 use clap::ValueEnum;
 use std::sync::Arc;
 
-/// A scene, and what its passes depend on; what nobody says is the scene's, or found by a pilot.
+/// A scene and the settings of its passes. A missing setting comes from the scene or a pilot.
 #[derive(Clone, Debug, Default)]
 pub struct Asked {
     /// The scene.
     pub scene: Arc<SceneText>,
-    /// Layers, as `--aov` calls them.
+    /// Layers, named as for `--aov`.
     pub layers: Vec<String>,
-    /// Photon paths of each pass.
+    /// Photon paths per pass.
     pub paths: Option<u32>,
     /// Seed of all random numbers.
     pub seed: Option<u64>,
     /// How quickly radii shrink, between 0 and 1.
     pub alpha: Option<f64>,
-    /// Passes for which radii are chosen.
+    /// The number of passes that radii are optimised for.
     pub budget: Option<u64>,
     /// `cpu`, `gpu` or `auto`.
     pub engine: Option<String>,
-    /// Device of the engine gpu: its number, or a part of its name.
+    /// Device of the engine gpu: its number or part of its name.
     pub gpu: Option<String>,
-    /// Threads to render and to prepare by; `None`: one per core.
+    /// Threads for rendering and preparation; `None`: one per core.
     pub threads: Option<usize>,
 }
 
-/// What became of a scene.
+/// Messages about a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Notes {
-    /// What may not be as its author thinks, and what a pilot found.
+    /// Possible mistakes in the scene, and what a pilot chose.
     pub notes: Vec<String>,
-    /// What is not supported and was left out.
+    /// Unsupported parts that were left out.
     pub left_out: Vec<String>,
 }
 
@@ -53,7 +53,7 @@ impl Notes {
 }
 
 impl Asked {
-    /// As the command line would say it.
+    /// The equivalent command-line settings.
     pub(super) fn settings(&self) -> Result<SettingsArgs, Failure> {
         let layer = |name: &String| {
             Aov::from_str(name, false).map_err(|_| {
@@ -84,7 +84,7 @@ impl Asked {
         })
     }
 
-    /// Read the scene and choose what nobody said, for a job that takes so long.
+    /// Read the scene and choose missing settings as `choosing` says.
     pub(super) fn load(
         &self,
         settings: SettingsArgs,

@@ -1,4 +1,4 @@
-//! What a pass of a scene will do, and why.
+//! What a pass of a scene does, and why.
 
 use super::wait::State;
 use super::{Asked, Failure, Notes};
@@ -10,26 +10,26 @@ use beamfarm_worker::engine::Where;
 
 /// The plan of a scene.
 pub struct Explained {
-    /// As `beamfarm explain` prints it.
+    /// The text that `beamfarm explain` prints.
     pub text: String,
     /// Hash of the scene and its files.
     pub scene: String,
-    /// Of each pass.
+    /// Settings of each pass.
     pub settings: JobSettings,
     /// Size of the image in pixels.
     pub size: [u32; 2],
-    /// Number of passes, if nobody says another one.
+    /// Number of passes, unless another is requested.
     pub passes: u64,
-    /// Where things are.
+    /// Extents of the scene's objects.
     pub places: Vec<Extent>,
-    /// What became of the scene.
+    /// Messages about the scene.
     pub notes: Notes,
 }
 
-/// Tell what a pass of a scene will do.
+/// Explain what a pass of a scene does.
 pub fn explain(asked: &Asked, tell: &mut dyn FnMut(State) -> bool) -> Result<Explained, Failure> {
     let mut settings = asked.settings()?;
-    // What a device cannot do is told beside the plan.
+    // What a device cannot do is reported next to the plan.
     settings.device = None;
     let places = SceneFile::of_text(&asked.scene, &Default::default()).and_then(|file| file.extents());
     let loaded = asked.load(settings, Choosing::By(None), tell)?;

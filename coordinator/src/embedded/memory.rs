@@ -1,18 +1,18 @@
-//! Images that this machine has no room for.
+//! Images that do not fit into this machine's memory.
 
 use super::Failure;
 use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 
-/// Films of each layer that are held at the same time, at least: a pass, the sum, and the average.
+/// The least number of films per layer held at a time: a pass, the sum, and the average.
 const FILMS: u64 = 3;
-/// Bytes of a pixel of a film.
+/// Bytes per pixel of a film.
 const PIXEL: u64 = 12;
 
-/// Fails where an image of this size, with so many layers, cannot be held beside what else is in memory: the system
-/// would end whoever is in its way, this program among them.
+/// Fails if an image of this size with this many layers does not fit into free memory. Otherwise the system would kill
+/// some process, perhaps this one.
 pub fn check(width: u32, height: u32, layers: usize) -> Result<(), Failure> {
     let pixels = u64::from(width) * u64::from(height);
-    // The beauty and the differences of passes.
+    // Two more for the beauty and the differences between passes.
     let needed = pixels * PIXEL * FILMS * (layers as u64 + 2);
     let ram = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
     let system = System::new_with_specifics(ram);

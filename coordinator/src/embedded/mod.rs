@@ -1,7 +1,7 @@
-//! Rendering for programs that have no command line: the Python package. A scene comes as text with its files, images
-//! go back as numbers; nothing is printed, and no file is written.
+//! Rendering for programs without a command line, namely the Python package. A scene comes as text with its files and
+//! images are returned as arrays; nothing is printed, and no file is written.
 //!
-//! Whoever waits is asked about ten times a second whether to go on, in the thread that called.
+//! The caller's `tell` is asked about ten times a second, in the calling thread, whether to continue.
 
 mod asked;
 mod explained;
@@ -27,12 +27,12 @@ use beamfarm_image::exr::ImageMeta;
 use beamfarm_image::merge::Average;
 use beamfarm_image::view::View;
 
-/// An image, with all that its files would say.
+/// An image with its metadata.
 pub struct Image {
-    /// The numbers.
+    /// The pixels.
     pub average: Average,
-    /// What an EXR of it says of itself.
+    /// The metadata of its EXR.
     pub meta: ImageMeta,
-    /// How a PNG shows it.
+    /// How its PNG displays it.
     pub view: View,
 }

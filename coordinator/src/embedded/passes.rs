@@ -1,4 +1,4 @@
-//! Single passes, here and now.
+//! Single passes, rendered in this process.
 
 use super::wait::{State, pool, wait_for};
 use super::{Asked, Failure, Notes};
@@ -16,7 +16,7 @@ use beamfarm_worker::engine::{Engine, Engines, Planned};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The passes of a scene, each of which can be rendered by itself.
+/// The passes of a scene, each rendered individually.
 #[derive(Clone)]
 pub struct Passes {
     engine: Arc<Engine>,
@@ -27,7 +27,7 @@ pub struct Passes {
 }
 
 impl Passes {
-    /// Read a scene and choose what nobody said.
+    /// Read a scene and choose missing settings.
     pub fn new(asked: &Asked, tell: &mut dyn FnMut(State) -> bool) -> Result<Self, Failure> {
         let loaded = asked.load(asked.settings()?, Choosing::By(None), tell)?;
         let notes = Notes::of(&loaded);
@@ -65,27 +65,27 @@ impl Passes {
         })
     }
 
-    /// What became of the scene.
+    /// Messages about the scene.
     pub fn notes(&self) -> &Notes {
         &self.notes
     }
 
-    /// How a PNG shows its images.
+    /// How a PNG displays its images.
     pub fn view(&self) -> View {
         self.view
     }
 
-    /// The factor on radii of a pass.
+    /// The radius scale of a pass.
     pub fn radius_scale(&self, pass_index: u64) -> f64 {
         Schedule::new(&self.engine.planned().plan.settings).scale(pass_index)
     }
 
-    /// What an image of passes says of itself.
+    /// Metadata of an image of passes.
     pub fn meta(&self) -> &ImageMeta {
         &self.meta
     }
 
-    /// Render a pass: it, and the seconds that it took.
+    /// Render a pass. Returns it with the seconds that it took.
     pub fn pass(&self, pass_index: u64, tell: &mut dyn FnMut(State) -> bool) -> Result<(Node, f64), Failure> {
         let (engine, pool) = (self.engine.clone(), self.pool.clone());
         let work = move || {

@@ -1,4 +1,4 @@
-//! A coordinator that runs elsewhere.
+//! A coordinator on another machine.
 
 use super::Failure;
 use crate::remote::{call, failed};
@@ -7,38 +7,38 @@ use beamfarm_proto::{Token, wire};
 use beamfarm_worker::security::{Credentials, SecurityArgs};
 use std::path::PathBuf;
 
-/// A coordinator, and what opens it.
+/// A coordinator and its credentials.
 pub struct Remote {
     url: String,
     credentials: Credentials,
 }
 
-/// What it shall do.
+/// Ways to control its job.
 #[derive(Clone, Copy, Debug)]
 pub enum Steer {
     /// Hand out no more passes.
     Pause,
-    /// Hand them out again.
+    /// Hand out passes again.
     Resume,
-    /// End with what is complete.
+    /// End with the passes that are complete.
     Cancel,
-    /// Have so many passes in all.
+    /// Set the total number of passes.
     Extend(u64),
 }
 
-/// Files of PEM.
+/// Paths of PEM files.
 #[derive(Clone, Debug, Default)]
 pub struct Pem {
-    /// Of the authorities that may vouch for it.
+    /// Certificates of the authorities that may vouch for the coordinator.
     pub authority: Option<PathBuf>,
-    /// Certificate to show to it.
+    /// The client certificate.
     pub certificate: Option<PathBuf>,
-    /// The private key of that.
+    /// The client certificate's private key.
     pub key: Option<PathBuf>,
 }
 
 impl Remote {
-    /// At http://HOST:PORT or https://HOST:PORT. Nothing is asked yet.
+    /// A coordinator at http://HOST:PORT or https://HOST:PORT. Does not connect yet.
     pub fn new(url: String, token: Option<String>, pem: Pem) -> Result<Self, Failure> {
         let args = SecurityArgs {
             tls_ca: pem.authority,
@@ -60,7 +60,7 @@ impl Remote {
         })
     }
 
-    /// How its job stands: the JSON object of `beamfarm status --json`.
+    /// The state of its job: the JSON object of `beamfarm status --json`.
     pub fn status(&self) -> Result<String, Failure> {
         call(&self.url, &self.credentials, async |mut control| {
             let reply = control.status(wire::StatusRequest {}).await;
@@ -68,7 +68,7 @@ impl Remote {
         })
     }
 
-    /// Steer its job.
+    /// Control its job.
     pub fn steer(&self, steer: Steer) -> Result<(), Failure> {
         call(&self.url, &self.credentials, async |mut control| {
             let done = match steer {

@@ -1,5 +1,5 @@
-//! A job from its first pass to its image, by workers in processes of their own: what kills one of them does not kill
-//! who asked for the image.
+//! A job from its first pass to its image, rendered by worker processes, so that a crash of one does not take the
+//! caller down.
 
 use super::wait::{State, TICK};
 use super::{Asked, Failure, Image, Notes};
@@ -22,39 +22,39 @@ use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::time::{MissedTickBehavior, interval};
 
-/// When a job ends; with nothing said after the scene's number of passes.
+/// When a job ends; by default after the scene's number of passes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Until {
     /// Number of passes.
     pub passes: Option<u64>,
-    /// With the passes that are complete by then.
+    /// Time limit; the image is made of the passes that are complete by then.
     pub time: Option<Duration>,
-    /// When the relative standard error is at most this.
+    /// The relative standard error at which it ends.
     pub error: Option<f64>,
-    /// That of this share of blocks of 8 x 8 pixels, in percent, in place of the image's.
+    /// The percentage of 8 x 8 pixel blocks that must meet `error`, in place of the whole image.
     pub percentile: Option<u32>,
 }
 
-/// Who renders.
+/// What renders.
 #[derive(Clone, Debug)]
 pub struct Hands {
-    /// The command `beamfarm`, of this very version.
+    /// The `beamfarm` executable of this version.
     pub program: PathBuf,
-    /// Processes.
+    /// Number of processes.
     pub workers: Option<usize>,
 }
 
-/// What came of a job.
+/// The result of a job.
 pub struct Rendered {
-    /// The image of the passes that are complete; `None`: there is none.
+    /// The image of the complete passes; `None` if there are none.
     pub image: Option<Image>,
-    /// What became of the scene.
+    /// Messages about the scene.
     pub notes: Notes,
-    /// Why there are no more passes, where somebody is at fault.
+    /// Why the job ended early, if something failed.
     pub failure: Option<Failure>,
 }
 
-/// Why no more passes are taken.
+/// Why the job stopped.
 enum Stop {
     Ended(End),
     Time,
@@ -62,7 +62,7 @@ enum Stop {
     Broken(String),
 }
 
-/// Render a scene. `tell` says `false` to have what there is.
+/// Render a scene. `tell` returns `false` to stop with the passes that are complete.
 pub fn render(
     asked: &Asked,
     until: Until,
@@ -99,7 +99,7 @@ pub fn render(
         names: names.clone(),
         empty_depth: defaults.empty_depth,
     };
-    // Others on this machine reach the port as well.
+    // Other users of this machine can reach the port as well.
     let token = Token::random().map_err(Failure::io)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let crew = Crew {
@@ -162,7 +162,7 @@ async fn at_work(
     };
     let (close, closed) = oneshot::channel::<()>();
     let closed = async {
-        // Comes as an error: nothing is ever sent.
+        // Resolves with an error, as nothing is ever sent.
         let _ = closed.await;
     };
     let server = tokio::spawn(server::run(entrance, watch.clone(), closed));
@@ -214,7 +214,7 @@ fn failure(stop: Stop, farm: &Farm, has_image: bool) -> Option<Failure> {
             "pass {} failed {} times: {}",
             failed.pass_index, failed.attempts, failed.message
         ))),
-        // Systems that run out of memory end processes by this signal, and say so nowhere else.
+        // A system that is out of memory kills processes with this signal and reports it nowhere else.
         Stop::Broken(message) if message.contains("killed by signal 9") => Some(Failure::memory(format!(
             "{message}: the system ends processes so when there is no memory left"
         ))),

@@ -1,4 +1,4 @@
-//! The reference: samples of a path tracer.
+//! The reference: samples of the path tracer.
 
 use super::wait::{State, pool, wait_for};
 use super::{Asked, Failure, Image, Notes};
@@ -13,29 +13,30 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// How many samples.
+/// When to stop.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Samples {
-    /// Their number.
+    /// Number of samples.
     pub count: Option<u64>,
-    /// Those that are complete by then.
+    /// Time limit; the image is made of the samples that are complete by then.
     pub time: Option<Duration>,
-    /// Paths are scattered at most so many times.
+    /// The most scattering events per path.
     pub max_depth: Option<u32>,
 }
 
-/// What came of it.
+/// The result.
 pub struct Sampled {
-    /// The image of the samples that are complete.
+    /// The image of the complete samples.
     pub image: Option<Image>,
-    /// What became of the scene.
+    /// Messages about the scene.
     pub notes: Notes,
 }
 
-/// Render a scene with a path tracer, which has no bias. `tell` says `false` to have what there is.
+/// Render a scene with the path tracer, which is unbiased. `tell` returns `false` to stop with the samples that are
+/// complete.
 pub fn sample(asked: &Asked, wanted: Samples, tell: &mut dyn FnMut(State) -> bool) -> Result<Sampled, Failure> {
     let mut settings = asked.settings()?;
-    // It has none, and needs no pilot.
+    // The path tracer emits no photons and needs no pilot.
     settings.of.paths = Some(1);
     settings.device = None;
     settings.engine = None;
@@ -86,7 +87,7 @@ pub fn sample(asked: &Asked, wanted: Samples, tell: &mut dyn FnMut(State) -> boo
         if !goes_on {
             stopped.store(true, Ordering::Relaxed);
         }
-        // The sample at hand is left off within moments.
+        // The current sample is abandoned within moments.
         true
     })?;
     let image = sum.average().map(|average| Image {

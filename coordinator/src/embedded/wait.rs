@@ -5,30 +5,30 @@ use std::any::Any;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-/// Time between two questions whether to go on.
+/// Time between questions whether to continue.
 pub const TICK: Duration = Duration::from_millis(100);
 
-/// How far the work is.
+/// Progress of the work.
 #[derive(Clone, Copy, Debug)]
 pub enum State {
-    /// Files are decoded, and pilots choose what nobody said.
+    /// Decoding files and running pilots.
     Preparing,
-    /// Passes or samples are rendered.
+    /// Rendering passes or samples.
     Rendering {
-        /// Those that are complete, from the first on.
+        /// Complete ones, from the first on.
         passes: u64,
-        /// As many as there will be, if that is known.
+        /// Their total, if known.
         limit: Option<u64>,
-        /// Share of the work that is done, 0 to 1.
+        /// Completed fraction of the work, 0 to 1.
         fraction: f64,
-        /// Time that the rest will take, if that is known.
+        /// Estimated remaining time, if known.
         remaining: Option<Duration>,
-        /// Relative standard error, if it is known yet.
+        /// Relative standard error, if known.
         error: Option<f64>,
     },
 }
 
-/// Do something in a thread of its own, which is left alone when `tell` says `false`. A panic is a failure.
+/// Run `work` in its own thread, and abandon it when `tell` returns `false`. A panic becomes a failure.
 pub fn wait_for<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, Failure> + Send + 'static,
     tell: &mut dyn FnMut() -> bool,
@@ -59,7 +59,7 @@ fn panicked(panic: &Option<Box<dyn Any + Send>>) -> Failure {
     Failure::job(format!("the renderer panicked: {}", text.unwrap_or("no message")))
 }
 
-/// So many threads to render by; `None`: one per core.
+/// A pool of this many threads; `None`: one per core.
 pub fn pool(threads: Option<usize>) -> Result<rayon::ThreadPool, Failure> {
     let builder = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0));
     builder.build().map_err(Failure::io)

@@ -1,4 +1,4 @@
-//! Frames are made ready while the one before renders: read, and given their settings by a pilot.
+//! Prepares each frame while the one before renders: reads it and lets a pilot choose its settings.
 
 use super::names::Names;
 use super::record::FrameRecord;
@@ -21,26 +21,26 @@ use std::time::Instant;
 use tokio::sync::mpsc::Sender;
 use tracing::{Span, debug};
 
-/// What is to be rendered, and how.
+/// What to render, and how.
 pub struct Order {
     pub args: JobArgs,
     pub frames: Vec<i64>,
     pub names: Names,
-    /// Of the frames that earlier commands rendered.
+    /// Records of frames that earlier commands rendered.
     pub known: BTreeMap<i64, FrameRecord>,
     pub audit_every: u64,
-    /// Keep a job folder of each frame even if nobody asked for it.
+    /// Keep a job folder of each frame even if none was requested.
     pub keeps_jobs: bool,
-    /// What frames have in common is decoded once.
+    /// Shared by all frames, so that common files are decoded once.
     pub store: Mutex<Store>,
-    /// That of the first frame is that of all, where it was to be found out.
+    /// The engine measured for the first frame, if any; all frames use it.
     pub engine: OnceLock<EngineKind>,
 }
 
-/// A frame that can be rendered.
+/// A frame that is ready to render.
 pub struct Ready {
     pub frame: i64,
-    /// As if it was the only one.
+    /// The arguments for this frame alone.
     pub args: JobArgs,
     pub output: Output,
     pub view: View,
@@ -51,10 +51,10 @@ pub struct Ready {
     pub left_out: Vec<String>,
 }
 
-/// What became of a frame before its turn.
+/// The result of preparing a frame.
 pub enum Prepared {
     Ready(Box<Ready>),
-    /// Its image is there.
+    /// Its image already exists.
     Kept(Box<FrameRecord>),
     Failed(Box<FrameRecord>),
 }
@@ -62,7 +62,7 @@ pub enum Prepared {
 /// Prepare all frames in order, each when the one before is taken.
 pub async fn prepare_all(order: Arc<Order>, sender: Sender<Prepared>) {
     for frame in order.frames.clone() {
-        // An error means that nobody wants more.
+        // An error means that no more frames are wanted.
         let Ok(permit) = sender.reserve().await else {
             return;
         };
@@ -91,7 +91,7 @@ pub async fn prepare_all(order: Arc<Order>, sender: Sender<Prepared>) {
 }
 
 impl Order {
-    /// Which part of all frames this one is.
+    /// This frame's share of the whole.
     pub fn share(&self, frame: i64) -> Share {
         Share {
             before: self.frames.iter().take_while(|other| **other < frame).count(),
@@ -99,7 +99,7 @@ impl Order {
         }
     }
 
-    /// What a command would be told that renders this frame alone.
+    /// The arguments of a command that renders this frame alone.
     pub fn of_frame(&self, frame: i64) -> JobArgs {
         let mut args = self.args.clone();
         if let Some(engine) = self.engine.get() {
@@ -112,7 +112,7 @@ impl Order {
         args
     }
 
-    /// Whether the scene's file or the folder of the images cannot be found any more: both were there at the start.
+    /// Whether the scene file or the images' folder has disappeared; both existed at the start.
     fn is_gone(&self) -> bool {
         let report = self.names.report();
         input::read(&self.args.settings.of.scene, MAX_BYTES).is_err() || std::fs::read_dir(folder_of(&report)).is_err()

@@ -1,4 +1,5 @@
-//! One command at a time fills a folder with frames of one name, and clears what those before it left there.
+//! Ensures that only one command at a time renders frames of one name into a folder, and removes leftovers of earlier
+//! ones.
 
 use super::names::Names;
 use crate::failure::Failure;
@@ -9,17 +10,17 @@ use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use tracing::warn;
 
-/// Held while frames of one name are rendered. The lock goes with its process, and its file at the end.
+/// Held while frames of one name are rendered. The lock ends with its process; its file is removed at the end.
 pub struct Alone {
     path: PathBuf,
     _lock: File,
 }
 
 impl Alone {
-    /// Refuses when another command writes this report, and so frames of the same names. Nothing where there are no
-    /// locks, or where nothing can be written: what cannot be written says so itself.
+    /// Fails if another command writes this report and thus frames of the same names. `None` if files cannot be locked
+    /// or written; writing then reports its own error.
     pub fn at(report: &Path) -> Result<Option<Self>, Failure> {
-        // As temporary files are called, so that one that was left is cleared as they are.
+        // Named like a temporary file, so that a leftover is removed in the same way.
         let name = report.file_name().unwrap_or_default().to_string_lossy();
         let path = report.with_file_name(format!(".beamfarm-{name}-lock"));
         loop {
@@ -46,7 +47,7 @@ impl Alone {
                     return Ok(None);
                 }
             }
-            // Whoever held it before may have removed it in between.
+            // The previous holder may have removed it in between.
             if is_at(&lock, &path) {
                 return Ok(Some(Self { path, _lock: lock }));
             }
@@ -56,7 +57,7 @@ impl Alone {
 
 impl Drop for Alone {
     fn drop(&mut self) {
-        // One that stays is taken by the next.
+        // If it stays, the next command reuses it.
         let _ = std::fs::remove_file(&self.path);
     }
 }
@@ -73,7 +74,7 @@ fn is_at(_: &File, path: &Path) -> bool {
     path.exists()
 }
 
-/// Remove what commands that were killed were writing of these frames, also of those that need no rendering.
+/// Remove partial files of these frames left by killed commands, including frames that need no rendering.
 pub fn clear(names: &Names, frames: &[i64]) {
     let report = names.report();
     let file_name = |path: &Path| Some(path.file_name()?.to_string_lossy().into_owned());
@@ -84,7 +85,7 @@ pub fn clear(names: &Names, frames: &[i64]) {
         .chain([report.clone()])
         .filter_map(|path| file_name(&path))
         .collect();
-    // If they stay, they only take room.
+    // If they stay, they only take disk space.
     let _ = remove_leftovers_of(folder_of(&report), |name| ours.contains(name));
 }
 
@@ -110,7 +111,7 @@ mod tests {
         assert!(Alone::at(&folder.path().join("g.report.json")).unwrap().is_some());
         drop(first);
         assert!(!lock.exists());
-        // That of a command that was killed is in nobody's way.
+        // The lock file of a killed command blocks nobody.
         std::fs::write(&lock, "").unwrap();
         assert!(Alone::at(&report).unwrap().is_some());
     }

@@ -1,4 +1,4 @@
-//! The frames of an animation: each is a job, and all of them have one coordinator and the same workers.
+//! The frames of an animation: each is a job; all share one coordinator and its workers.
 
 mod ahead;
 mod alone;
@@ -31,7 +31,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tracing::Instrument;
 
-/// Frames that are held in memory at most: those that render, and those that a full disk did not take yet.
+/// The most frames in memory: those that render, and those waiting for a full disk.
 const HELD: usize = 4;
 
 /// Where frames are rendered.
@@ -39,15 +39,15 @@ pub struct Site {
     /// Address to listen on.
     pub listen: SocketAddr,
     pub security: Security,
-    /// Workers on this machine, but for the coordinator's address.
+    /// Workers on this machine, without the coordinator's address.
     pub crew: Option<Crew>,
-    /// Share of blocks that are rendered twice: [`beamfarm_coordinator::JobSpec::audit_every`].
+    /// How many blocks are rendered twice: see [`beamfarm_coordinator::JobSpec::audit_every`].
     pub audit_every: u64,
-    /// Keep a job folder of each frame even if nobody asked for it.
+    /// Keep a job folder of each frame even if none was requested.
     pub keeps_jobs: bool,
     /// Open the page.
     pub open: bool,
-    /// Say where it listens.
+    /// Whether to print the listen address.
     pub says_address: bool,
 }
 
@@ -97,18 +97,18 @@ pub fn run(args: &JobArgs, list: &FrameList, site: Site) -> Result<(), Failure> 
     done
 }
 
-/// Frames that are being rendered one after the other.
+/// Frames rendered one after another.
 struct Work {
     order: Arc<Order>,
     record: Record,
-    /// Those that are through, by this command or an earlier one.
+    /// Finished frames, from this command or an earlier one.
     through: BTreeMap<i64, FrameView>,
-    /// Why frames failed, in the order in which they did.
+    /// Why frames failed, in order of failure.
     failures: Vec<(i64, String)>,
-    /// What was said of scenes.
+    /// Messages about scenes that were printed.
     said: BTreeSet<String>,
     running: JoinSet<Outcome>,
-    /// Somebody wants no more frames.
+    /// Whether someone asked to stop.
     is_ended: bool,
 }
 
@@ -126,7 +126,7 @@ impl Work {
     }
 
     async fn render(mut self, site: Site) -> Result<(), Failure> {
-        // Before there is anything that somebody could take for a sign that it listens.
+        // Before anything shows that it is listening.
         let mut drain = signals::drain().map_err(Failure::io)?;
         let hang_ups = hang_ups().map_err(Failure::io)?;
         let listener = server::listen(site.listen);
@@ -137,7 +137,7 @@ impl Work {
         }
         let (sender, mut prepared) = mpsc::channel(1);
         tokio::spawn(prepare_all(self.order.clone(), sender).in_current_span());
-        // What renders is there as soon as there is something to render.
+        // Workers start only when there is something to render.
         let first = loop {
             let prepared = tokio::select! {
                 biased;
@@ -205,7 +205,7 @@ impl Work {
         self.conclude(was_signal).await
     }
 
-    /// A frame whose turn has come; nothing when it fails at once.
+    /// Start a frame whose turn has come; `None` if it fails at once.
     fn begin(&mut self, ready: ahead::Ready, convicted: Vec<Who>) -> Option<(Begun, stage::Breaker)> {
         let share = self.order.share(ready.frame);
         match Begun::new(ready, share, convicted, &mut self.said) {
@@ -225,7 +225,7 @@ impl Work {
         self.running.spawn(render.instrument(span));
     }
 
-    /// A frame is rendered, or failed.
+    /// A frame is rendered or has failed.
     fn finish(&mut self, stage: &mut Stage, outcome: Outcome) {
         let Outcome { watch, record, label } = outcome;
         stage.series.close(&watch);
@@ -274,7 +274,7 @@ impl Work {
         self.failures.push((frame, plain));
     }
 
-    /// All frames for the page.
+    /// Update the page's list of frames.
     fn tell_all(&self, stage: &Stage) {
         let known: BTreeSet<i64> = stage.series.frames().iter().map(|view| view.frame).collect();
         for frame in &self.order.frames {
@@ -286,13 +286,13 @@ impl Work {
         }
     }
 
-    /// Somebody sent a signal.
+    /// A signal has arrived.
     fn end(&mut self, stage: &Stage) {
         self.is_ended = true;
         stage.series.cancel();
     }
 
-    /// How all of it ended.
+    /// How the command ended.
     async fn conclude(mut self, was_signal: bool) -> Result<(), Failure> {
         let recorded = self.record.finish(was_signal || self.is_ended).await;
         let all = self.order.frames.len();
@@ -336,7 +336,7 @@ impl Work {
     }
 }
 
-/// What became of a frame.
+/// The result of a frame in one line.
 fn in_a_line(record: &FrameRecord) -> String {
     let Some(image) = &record.image else {
         return "stopped before its first pass was complete".into();

@@ -1,4 +1,4 @@
-//! Where the images of frames go, and what is said of all of them.
+//! Names of the frames' images and of their report.
 
 use crate::failure::Failure;
 use crate::job::JobArgs;
@@ -6,19 +6,19 @@ use crate::output::{default_names, make_folder};
 use beamfarm_scene::numbered;
 use std::path::{Path, PathBuf};
 
-/// Names of the files of frames.
+/// File names of the frames.
 #[derive(Clone, Debug)]
 pub struct Names {
-    /// What was asked for, with a run of `#`.
+    /// The requested name, with a run of `#`.
     asked: Option<PathBuf>,
-    /// What holds a job folder of each frame, where one was asked for.
+    /// Parent of the frames' job folders, if requested.
     jobs: Option<PathBuf>,
-    /// The scene's file.
+    /// The scene file.
     scene: PathBuf,
 }
 
 impl Names {
-    /// The names that were asked for, or those after the scene.
+    /// The requested names, or names derived from the scene.
     pub fn new(args: &JobArgs) -> Result<Self, Failure> {
         if let Some(path) = &args.output {
             let name = path.file_name().map(|name| name.to_string_lossy());
@@ -29,7 +29,7 @@ impl Names {
                     path.display()
                 )));
             }
-            // Images of an animation have a folder of their own.
+            // Frames usually get a folder of their own.
             if let Some(folder) = path.parent() {
                 make_folder(folder)?;
             }
@@ -41,14 +41,14 @@ impl Names {
         })
     }
 
-    /// The image that was asked for, of a frame.
+    /// A frame's image, if a name was requested.
     pub fn image(&self, frame: i64) -> Option<PathBuf> {
         let asked = self.asked.as_ref()?;
         let name = asked.file_name()?.to_string_lossy();
         Some(asked.with_file_name(numbered(&name, frame)))
     }
 
-    /// The images that a frame may have: the one that was asked for, or those of its default names.
+    /// Possible images of a frame: the requested one, or those with default names.
     pub fn images(&self, frame: i64) -> Vec<PathBuf> {
         match self.image(frame) {
             Some(image) => vec![image],
@@ -56,17 +56,17 @@ impl Names {
         }
     }
 
-    /// What the name ends in that an image of a frame has by default.
+    /// Suffix of a frame's default image name.
     pub fn ending(frame: i64) -> String {
         numbered(".####", frame)
     }
 
-    /// The job folder of a frame, where one was asked for.
+    /// A frame's job folder, if requested.
     pub fn job(&self, frame: i64) -> Option<PathBuf> {
         Some(self.jobs.as_ref()?.join(numbered("####", frame)))
     }
 
-    /// What people call all of them: the name without its ending.
+    /// A title for all frames: the name without its suffix.
     fn title(&self) -> String {
         match self.asked.as_deref().and_then(Path::file_stem) {
             Some(stem) => stem.to_string_lossy().into_owned(),
@@ -77,7 +77,7 @@ impl Names {
         }
     }
 
-    /// The file that tells of all: beside the images, named as they are without the number.
+    /// The report on all frames: next to the images, named like them without the number.
     pub fn report(&self) -> PathBuf {
         let title = self.title();
         let plain: String = match title.rfind('#') {

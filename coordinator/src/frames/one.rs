@@ -29,7 +29,7 @@ pub struct Begun {
     /// `frame 12 (3/48)`.
     label: String,
     share: Share,
-    /// Says that what it needs does not run any more.
+    /// Reports that something the frame needs has failed.
     broken: oneshot::Receiver<String>,
 }
 
@@ -41,8 +41,8 @@ pub struct Outcome {
 }
 
 impl Begun {
-    /// Time starts now. `convicted`: workers that delivered wrong pixels for others. Whoever drops the sender says
-    /// nothing.
+    /// Start the frame's clock. `convicted`: workers that delivered wrong pixels for other frames. Dropping the sender
+    /// of `broken` reports nothing.
     pub fn new(
         ready: Ready,
         share: Share,
@@ -54,7 +54,7 @@ impl Begun {
             for (kind, texts) in [("note", ready.notes), ("left out", ready.left_out)] {
                 for text in texts {
                     let line = format!("{kind}: {text}");
-                    // Most are the same for all frames.
+                    // Most messages are the same for all frames.
                     if !said.contains(&line) {
                         progress::complain(&line);
                         said.insert(line);
@@ -83,7 +83,7 @@ impl Begun {
         Ok((begun, sender))
     }
 
-    /// For the page.
+    /// The frame in the page's list.
     pub fn view(&self) -> FrameView {
         FrameView {
             state: FrameState::Rendering,
@@ -91,7 +91,7 @@ impl Begun {
         }
     }
 
-    /// From its first pass to its image.
+    /// Render the frame from its first pass to its image.
     pub async fn render(self, series: Arc<Series>, address: SocketAddr) -> Outcome {
         let Self {
             frame,
@@ -118,7 +118,7 @@ impl Begun {
                 Err(_) => pending().await,
             }
         };
-        // Signals are for all frames, and reach this one as the end of its farm.
+        // Signals apply to all frames; this one sees them as the end of its farm.
         let (_, mut hang_ups) = mpsc::channel(1);
         let turn = series.first_in_line(watch);
         let (stop, told) = tokio::join!(
@@ -141,7 +141,7 @@ impl Begun {
         let written = loop {
             let attempt = job.write().await;
             if attempt.is_err() {
-                // The frames that follow do not wait for this one.
+                // Later frames do not wait for this one.
                 series.close(watch);
             }
             if let Some(written) = again.settled(attempt, is_over()).await {
@@ -161,7 +161,7 @@ impl Begun {
             false => (None, unwritten),
         };
         told.last_words().await;
-        // One that was ended before its first pass has no image, which is no failure of it.
+        // A frame that was stopped before its first pass has no image, which is not a failure.
         let has_nothing = image.is_none() && matches!(stop, Stop::Ended(End::Stopped));
         let summary = Summary {
             args,
@@ -173,7 +173,7 @@ impl Begun {
         };
         let report = summary.report();
         let reported = again.report(&is_over, folder.as_ref(), &report).await;
-        // A job may be opened again from here on.
+        // From here on the job may be opened again.
         drop(folder);
         let verdict = if has_nothing { Ok(()) } else { summary.verdict() };
         let done = unwritten.and(kept).and(reported).and(verdict);

@@ -1,4 +1,4 @@
-//! What is known of all frames: one file that grows with each of them, and stays right when a command is killed.
+//! The record of all frames: one file that is updated after each frame and stays valid if the command is killed.
 
 use crate::again::{Again, warn_of};
 use crate::failure::Failure;
@@ -22,25 +22,25 @@ const FORMAT: u32 = 1;
 /// How a frame ended.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameRecord {
-    /// Which one.
+    /// Its number.
     pub frame: i64,
-    /// `complete`, `target-error`, `time`, `asked` or `failed`, as in the report of a job.
+    /// `complete`, `target-error`, `time`, `asked` or `failed`, as in a job's report.
     pub stopped: String,
     /// Why it failed.
     pub message: Option<String>,
-    /// What the command asked of it: another number of passes, say, is another question.
+    /// The stopping conditions of the command; the frame is up to date only for the same ones.
     pub asked: String,
     /// Hash of the scene bundle.
     pub scene: Option<String>,
     pub seed: Option<u64>,
-    /// The image, if there is one.
+    /// Path of the image, if any.
     pub image: Option<String>,
     /// Hash of its pixels.
     pub pixels: Option<String>,
-    /// Passes of it.
+    /// Passes in the image.
     pub passes: u64,
     pub relative_standard_error: Option<f64>,
-    /// Time that it took, over all commands.
+    /// Time spent on it, over all commands.
     pub seconds: f64,
 }
 
@@ -65,7 +65,7 @@ impl FrameRecord {
         }
     }
 
-    /// A frame whose image is there, of which nothing was said: the command that wrote it was killed.
+    /// A frame whose image exists without a record: the command that wrote it was killed.
     pub fn kept(frame: i64, args: &JobArgs, image: &Path, (made, film): (MadeOf, &Film)) -> Self {
         Self {
             frame,
@@ -82,7 +82,7 @@ impl FrameRecord {
         }
     }
 
-    /// Whether it tells of this image.
+    /// Whether the record describes this image.
     pub fn is_of(&self, image: &Path, made: &MadeOf) -> bool {
         self.image.as_deref() == Some(&*image.to_string_lossy())
             && self.passes == made.passes
@@ -90,7 +90,7 @@ impl FrameRecord {
             && self.scene.as_ref() == Some(&made.scene)
     }
 
-    /// A frame of which nothing could be rendered.
+    /// A frame that failed before its first pass.
     pub fn failed(frame: i64, args: &JobArgs, message: String) -> Self {
         Self {
             frame,
@@ -107,18 +107,18 @@ impl FrameRecord {
         }
     }
 
-    /// Whether it has what was asked for.
+    /// Whether it met what was requested.
     pub fn is_complete(&self) -> bool {
         let ends = [Stopped::Complete, Stopped::TargetError, Stopped::Time];
         ends.iter().any(|end| end.as_str() == self.stopped)
     }
 
-    /// Whether this command would ask the same.
+    /// Whether this command has the same stopping conditions.
     pub fn answers(&self, args: &JobArgs) -> bool {
         self.is_complete() && self.asked == asked(args)
     }
 
-    /// For the page.
+    /// The frame in the page's list.
     pub fn view(&self) -> FrameView {
         FrameView {
             state: match self.is_complete() {
@@ -136,7 +136,7 @@ impl FrameRecord {
     }
 }
 
-/// When a frame is to end, in words.
+/// A frame's stopping conditions, in words.
 fn asked(args: &JobArgs) -> String {
     let passes = args.passes.map(|passes| format!("{passes} passes"));
     let time = args.time.map(|time| format!("{} s", time.as_secs_f64()));
@@ -151,30 +151,30 @@ fn asked(args: &JobArgs) -> String {
     }
 }
 
-/// The file.
+/// The file's content.
 #[derive(Serialize, Deserialize)]
 struct Whole {
     format: u32,
     version: String,
-    /// Frames that failed, in order.
+    /// Failed frames, in order.
     failed: Vec<i64>,
-    /// All that were ever rendered to here, in order.
+    /// All frames ever rendered to this name, in order.
     frames: Vec<FrameRecord>,
 }
 
-/// What is known of all frames.
+/// The record of all frames.
 pub struct Record {
     path: PathBuf,
     frames: BTreeMap<i64, FrameRecord>,
-    /// Why the file is older than what is known, and when it is written next.
+    /// Why the file is out of date, and when to retry.
     behind: Option<(Failure, Instant)>,
 }
 
-/// Bytes of a report that is read: some hundred for each of many frames.
+/// The largest report that is read, in bytes: a few hundred per frame.
 const MOST_BYTES: u64 = 1 << 30;
 
 impl Record {
-    /// What there is: nothing where there is no such file, or another one.
+    /// Read the record; empty if the file is missing or is something else.
     pub fn open(path: PathBuf) -> Self {
         let known = input::read(&path, MOST_BYTES).ok();
         let known = known.and_then(|bytes| serde_json::from_slice::<Whole>(&bytes).ok());
@@ -187,12 +187,12 @@ impl Record {
         }
     }
 
-    /// What is known of a frame.
+    /// The record of a frame.
     pub fn get(&self, frame: i64) -> Option<&FrameRecord> {
         self.frames.get(&frame)
     }
 
-    /// Enter how a frame ended. What cannot be written now is written by [`Self::keep`] or [`Self::finish`].
+    /// Record how a frame ended. If the file cannot be written now, [`Self::keep`] or [`Self::finish`] writes it.
     pub fn enter(&mut self, frame: FrameRecord) {
         self.frames.insert(frame.frame, frame);
         self.try_write();
@@ -205,8 +205,7 @@ impl Record {
         });
     }
 
-    /// Resolves when what could not be written was tried again; not before there is something. May be dropped and
-    /// called again.
+    /// Resolves after an overdue write was retried; never if nothing is overdue. May be dropped and called again.
     pub async fn keep(&mut self) {
         match &self.behind {
             Some((_, due)) => sleep_until(*due).await,
@@ -215,7 +214,7 @@ impl Record {
         self.try_write();
     }
 
-    /// Have the file tell all that is known. `is_over`: nobody wants to wait for it.
+    /// Write what is overdue. `is_over`: do not wait for a disk.
     pub async fn finish(&mut self, is_over: bool) -> Result<(), Failure> {
         if self.behind.take().is_none() {
             return Ok(());
@@ -279,12 +278,12 @@ mod tests {
         let states = whole.frames.iter().map(|frame| frame.view().state);
         let states: Vec<FrameState> = states.collect();
         assert_eq!(states, [FrameState::Failed, FrameState::Done, FrameState::Stopped]);
-        // What is no such file is begun anew.
+        // A file of another kind is replaced.
         std::fs::write(&path, "{").unwrap();
         assert_eq!(Record::open(path).get(2), None);
     }
 
-    /// A folder that is not there stands for a disk that is full.
+    /// A missing folder stands for a full disk.
     #[tokio::test]
     async fn what_cannot_be_written_is_known_and_written_later() {
         let folder = tempfile::tempdir().unwrap();
@@ -299,7 +298,7 @@ mod tests {
         record_of_all.finish(true).await.unwrap();
         let written = Record::open(path.clone());
         assert!([1, 2].iter().all(|frame| written.get(*frame).is_some()));
-        // Nothing is to be written any more.
+        // Nothing is left to write.
         std::fs::remove_file(&path).unwrap();
         record_of_all.finish(true).await.unwrap();
         assert!(!path.exists());

@@ -1,4 +1,4 @@
-//! What frames are rendered with: the series, its server, and the workers of this machine.
+//! What all frames share: the series, its server, and this machine's workers.
 
 use super::Site;
 use super::ahead::Order;
@@ -17,23 +17,23 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 use tracing::{Instrument, info, warn};
 
-/// Tells a frame that what it needs does not run any more.
+/// Tells a frame that something it needs has failed.
 pub type Breaker = oneshot::Sender<String>;
 
-/// What ends early only to say what went wrong.
+/// Ends early only to report a failure.
 type Crew = Pin<Box<dyn Future<Output = String> + Send>>;
 
-/// What frames are rendered with.
+/// What all frames share.
 pub struct Stage {
     pub series: Arc<Series>,
     pub address: SocketAddr,
     close: oneshot::Sender<()>,
     server: JoinHandle<()>,
-    /// How to start workers here.
+    /// How to start workers on this machine.
     plan: Option<local::Crew>,
     crew: Crew,
     hang_ups: mpsc::Receiver<()>,
-    /// Frames that are open.
+    /// Open frames.
     open: Vec<(Arc<Watch>, Breaker)>,
 }
 
@@ -64,7 +64,7 @@ impl Stage {
         };
         let (close, closed) = oneshot::channel::<()>();
         let closed = async {
-            // Comes as an error: nothing is ever sent.
+            // Resolves with an error, as nothing is ever sent.
             let _ = closed.await;
         };
         let serve = server::serve(entrance, series.clone(), closed);
@@ -80,21 +80,21 @@ impl Stage {
         })
     }
 
-    /// A frame that needs all this.
+    /// Report failures to this frame.
     pub fn watch_over(&mut self, watch: Arc<Watch>, breaker: Breaker) {
         self.open.push((watch, breaker));
     }
 
-    /// A frame that does so no more.
+    /// Report no more failures to this frame.
     pub fn forget(&mut self, watch: &Arc<Watch>) {
         self.open.retain(|(open, _)| !Arc::ptr_eq(open, watch));
     }
 
-    /// Keep it running. Resolves when something happened; may be dropped and called again.
+    /// Keep workers and server running. Resolves when something happened; may be dropped and called again.
     pub async fn keep(&mut self) {
         tokio::select! {
             message = &mut self.crew => {
-                // The first in line is at fault, as far as one can know. The others have other workers.
+                // The first frame in line is most likely at fault. The others get new workers.
                 let current = self.series.current();
                 self.break_off(|watch| Arc::ptr_eq(watch, &current), &message);
                 self.crew = crew(self.plan.as_ref(), &self.series);
@@ -120,7 +120,7 @@ impl Stage {
         self.open = open;
         let broken: Vec<(Arc<Watch>, Breaker)> = broken;
         for (_, breaker) in broken {
-            // Fails when the frame has just ended.
+            // Fails if the frame has just ended.
             let _ = breaker.send(message.to_owned());
         }
     }

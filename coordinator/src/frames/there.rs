@@ -1,4 +1,4 @@
-//! Images of frames that are there already: whether they are those that a command would make, and whole.
+//! Existing images of frames: whether they are what a command would make, and intact.
 
 use super::ahead::Order;
 use super::record::FrameRecord;
@@ -19,11 +19,11 @@ use beamfarm_scene::SceneFile;
 use std::path::Path;
 
 impl Order {
-    /// The frame whose image is there and right, shown in the view that is asked for; nothing where it is to be
-    /// rendered. What would be right if it was not damaged is told.
+    /// The record of a frame whose image exists and is right, with its PNG updated to the requested view; `None` if it
+    /// must be rendered. An image that would be right but is damaged is reported.
     pub(super) fn kept(&self, frame: i64, args: &JobArgs, image: &Path) -> Result<Option<FrameRecord>, Failure> {
         let Some(made) = MadeOf::read(image) else {
-            // Another program's image is one that can be read.
+            // An image of another program can still be read.
             if image.exists()
                 && let Err(error) = read_rgb(image)
             {
@@ -35,9 +35,9 @@ impl Order {
         if !image.with_extension("png").exists() || denoised.as_ref().is_some_and(|denoised| !denoised.exists()) {
             return Ok(None);
         }
-        // No pilot is needed to see that nothing is to be done.
+        // No pilot is needed to see that there is nothing to do.
         let file = args.settings.of.file()?;
-        // What is wrong with a scene is told when it is to be rendered.
+        // Errors in the scene are reported when it is rendered.
         let Ok(defaults) = file.defaults() else {
             return Ok(None);
         };
@@ -69,7 +69,7 @@ impl Order {
         })))
     }
 
-    /// Whether the image is the one that this command would make.
+    /// Whether the image is what this command would make.
     fn is_there(
         &self,
         frame: i64,
@@ -97,9 +97,9 @@ fn tell_damage(frame: i64, image: &Path, damage: &str) {
     ));
 }
 
-/// All pixels of an image; an error says what is damaged. `hash`: of its pixels, where that is known.
+/// All pixels of an image; an error describes the damage. `hash`: of its pixels, if known.
 ///
-/// Headers alone do not tell: a disk that loses power may keep them, and zeros in place of what follows.
+/// Headers alone are not enough: after a power loss a disk may keep them, followed by zeros.
 fn whole(image: &Path, hash: Option<&str>) -> Result<Film, String> {
     let film = read_rgb(image).map_err(why)?;
     match hash.is_none_or(|hash| pixel_hash(&film) == hash) {
@@ -108,7 +108,7 @@ fn whole(image: &Path, hash: Option<&str>) -> Result<Film, String> {
     }
 }
 
-/// What is wrong, without the name of the file.
+/// What is wrong, without the file name.
 fn why(error: ImageError) -> String {
     match error {
         ImageError::File { message, .. } => message,
@@ -117,7 +117,7 @@ fn why(error: ImageError) -> String {
     }
 }
 
-/// Have the PNG beside an image show it in this view.
+/// Update the PNG next to an image to this view.
 fn show(image: &Path, film: &Film, view: View) -> Result<(), ImageError> {
     let png = image.with_extension("png");
     match view_of(&png) == Some(view) && is_sound(&png) {
@@ -126,7 +126,7 @@ fn show(image: &Path, film: &Film, view: View) -> Result<(), ImageError> {
     }
 }
 
-/// Whether it has the passes that are asked for. Where a time or an error is, the record of all frames has to say so.
+/// Whether it has the requested passes. For a time or error limit, only the record of all frames can tell.
 fn has_passes(args: &JobArgs, made: &MadeOf, defaults: &RenderDefaults) -> bool {
     let is_open = args.time.is_some() || args.target_error.is_some();
     match args.passes {
@@ -135,7 +135,7 @@ fn has_passes(args: &JobArgs, made: &MadeOf, defaults: &RenderDefaults) -> bool 
     }
 }
 
-/// Whether it is made with the settings that are asked for, as far as no pilot chooses them.
+/// Whether it was made with the requested settings, as far as no pilot chooses them.
 fn has_settings(args: &JobArgs, made: &MadeOf, defaults: &RenderDefaults) -> bool {
     let of = &args.settings.of;
     let paths = of.paths.or(defaults.paths_per_pass).map(u64::from);
@@ -146,7 +146,7 @@ fn has_settings(args: &JobArgs, made: &MadeOf, defaults: &RenderDefaults) -> boo
             made.budget.as_ref().is_some_and(|budget| budget.starts_with(&begins))
         }
     };
-    // Where it is to be found out, one of them was found.
+    // An automatic choice accepts either engine.
     let engine = args.settings.engine.unwrap_or(defaults.engine).said();
     let of_engine = |made: &str| match engine {
         Some(engine) => made == engine.identity(),

@@ -1,4 +1,4 @@
-//! The scene on the bench: its text, how it came to be, and what follows from it.
+//! The scene being edited: its text, its history, and what follows from it.
 
 use super::messages::{Camera, FromPage, ToPage};
 use crate::failure::Failure;
@@ -23,19 +23,19 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Steps of undo that are kept, and bytes of texts.
+/// Limits of the undo history: steps, and bytes of text.
 const UNDO_STEPS: usize = 1000;
 const UNDO_BYTES: usize = 64 << 20;
 
-/// The camera may be so many radii of the scene away from the origin of render space.
+/// The camera may be this many scene radii away from the origin of render space.
 const FAR: f32 = 0.5;
-/// Where in the picture lights are drawn that stand nowhere, to be turned there: at so much of the distance of the
-/// camera's target, and so much of that above it.
+/// Where handles of lights without a position are drawn, to be turned there: the distance from the camera as a fraction
+/// of its target's, and the height above the target as a fraction of half the picture's width there.
 const SKY: [f64; 2] = [1.0, 0.22];
-/// Where a page has parallel rays come from: so many radii of the scene and the image behind the camera.
+/// Pages treat parallel rays as starting this far behind the camera, as a multiple of the radius of scene and image.
 const FAR_BEHIND: f64 = 1e5;
 
-/// Why a change cannot be.
+/// Why a change is refused.
 #[derive(Debug)]
 pub struct Refusal {
     pub path: Option<String>,
@@ -54,7 +54,7 @@ impl From<String> for Refusal {
 }
 
 impl Refusal {
-    /// Of the scene file by its line, of another file by its name.
+    /// An error in the scene file by its line, in another file by its name.
     fn of(error: SceneError, scene: &Path) -> Self {
         let of_scene = error.file.file_name() == scene.file_name();
         let SceneError { file, line, message } = error;
@@ -73,25 +73,25 @@ impl Refusal {
     }
 }
 
-/// What became of a change.
+/// The effect of a change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Changed {
-    /// Other pixels.
+    /// Pixels change.
     Picture,
-    /// Nothing that a pixel depends on: the view, a comment.
+    /// Only things that no pixel depends on: the view, a comment.
     Looks,
-    /// Nothing at all.
+    /// None at all.
     Nothing,
 }
 
-/// A text to go back to.
+/// An undo step.
 struct Before {
     text: String,
-    /// What changed it.
+    /// The gesture that changed the text.
     gesture: Option<String>,
 }
 
-/// What no pixel depends on, and what is no part of what the scene means.
+/// Settings that no pixel depends on and that are not part of the scene's meaning.
 #[derive(Clone, Copy)]
 struct Looks {
     view: View,
@@ -127,40 +127,40 @@ impl Looks {
     }
 }
 
-/// The scene, while it is changed.
+/// The scene being edited.
 pub struct Bench {
     args: SceneArgs,
     options: ImportOptions,
-    /// Where "save" writes.
+    /// The file that "save" writes.
     file: PathBuf,
-    /// Where its files may be.
+    /// Folders where the scene's files may be.
     reach: Arc<Reach>,
-    /// The text as it is on the disk; `None`: not there yet, since the scene is in another form.
+    /// The text on disk; `None`: not there yet, as the scene was converted.
     on_disk: Option<String>,
     text: String,
     undo: Vec<Before>,
     redo: Vec<String>,
-    /// Files of the last text that could be rendered, as it is written and as it is meant.
+    /// Files of the last text that could be rendered, as written and in canonical form.
     files: Files,
     meant: Files,
-    /// Files that are on no disk until the scene is saved, by the names that the text has for them.
+    /// Files that are on disk only after saving, by their names in the text.
     made: BTreeMap<String, File>,
     looks: Looks,
     number: RevisionNumber,
     store: Store,
     description: SceneDescription,
-    /// The scene for rays, made when first asked for.
+    /// The scene for tracing rays, built on demand.
     scene: Option<Scene>,
-    /// The world's point that sketches have as origin.
+    /// The origin of sketches, in world coordinates.
     origin: [f64; 3],
-    /// What the last pilot chose.
+    /// The last pilot's choice.
     techniques: Option<Techniques>,
 }
 
 impl Bench {
-    /// The scene of a file.
+    /// Open a scene file.
     pub fn open(args: &SceneArgs) -> Result<Self, Failure> {
-        // All that is wrong at once, as `render` tells it.
+        // Report all errors at once, as `render` does.
         args.check(&args.file()?)?;
         let options = args.import.options(&args.scene)?;
         let plain = ImportOptions {
@@ -206,7 +206,7 @@ impl Bench {
         })
     }
 
-    /// Make a change that a page asks for.
+    /// Apply a change requested by a page.
     pub fn change(&mut self, change: &FromPage) -> Result<Changed, Refusal> {
         match change {
             FromPage::Undo { .. } => Ok(self.step(false)?),
@@ -268,14 +268,14 @@ impl Bench {
         }
     }
 
-    /// The file has changed on the disk, or one that it names has.
+    /// The scene file, or a file that it names, has changed on disk.
     pub fn read_again(&mut self) -> Result<Changed, Refusal> {
         let text = match self.on_disk {
             Some(_) => read_text(&self.file).map_err(|error| Refusal::of(error, &self.file))?,
             None => return Ok(Changed::Nothing),
         };
         self.on_disk = Some(text.clone());
-        // What they are named may be the same, but not what is in them.
+        // The names may be unchanged although the contents differ.
         self.files = Files {
             scene: self.files.scene.clone(),
             files: BTreeMap::new(),
@@ -283,7 +283,7 @@ impl Bench {
         self.put_by(Written::ByUser, text, None)
     }
 
-    /// Write the scene file. Returns what was done, for people.
+    /// Write the scene file. Returns what was done, for display.
     pub fn save(&mut self) -> Result<String, String> {
         let file = self.file.display();
         if self.on_disk.is_none() && self.file.exists() {
@@ -300,12 +300,12 @@ impl Bench {
         Ok(format!("saved {file}"))
     }
 
-    /// Whether the disk has another text.
+    /// Whether the text differs from that on disk.
     pub fn is_dirty(&self) -> bool {
         self.on_disk.as_ref() != Some(&self.text)
     }
 
-    /// What is written to, and what else the scene is made of.
+    /// The scene file to be written, and the scene's other files.
     pub fn paths(&self) -> Vec<PathBuf> {
         let folder = self.folder();
         let native = self.on_disk.is_some().then(|| self.file.clone());
@@ -318,22 +318,22 @@ impl Bench {
         &self.file
     }
 
-    /// Which state of the scene this is.
+    /// The number of the scene's state.
     pub fn number(&self) -> RevisionNumber {
         self.number
     }
 
-    /// The scene as it is meant.
+    /// The scene in canonical form.
     pub fn meant(&self) -> &Files {
         &self.meant
     }
 
-    /// How a sketch of it looks like.
+    /// The scene as prepared for sketches.
     pub fn description(&self) -> &SceneDescription {
         &self.description
     }
 
-    /// What workers are told, with the files that they may ask for.
+    /// The revision for workers, with the files that they may request.
     pub fn revision(&self) -> (Revision, BTreeMap<FileHash, Bytes>) {
         let entry = |(path, file): (&String, &beamfarm_scene::File)| FileEntry {
             path: path.clone(),
@@ -358,7 +358,7 @@ impl Bench {
         (revision, files.collect())
     }
 
-    /// What sketches are made with, by an engine.
+    /// The style of sketches with an engine.
     pub fn style(&self, engine: EngineKind) -> Style {
         let settings = self.description.defaults.job_settings();
         Style {
@@ -371,27 +371,27 @@ impl Bench {
         }
     }
 
-    /// A pilot has chosen.
+    /// Set a pilot's choice.
     pub fn chose(&mut self, techniques: Techniques) {
         self.techniques = Some(techniques);
     }
 
-    /// How the picture is shown.
+    /// How the picture is displayed.
     pub fn view(&self) -> View {
         self.looks.view
     }
 
-    /// Passes that a job of the scene has.
+    /// Number of passes of the scene's job.
     pub fn passes(&self) -> u64 {
         self.looks.passes
     }
 
-    /// The same scene as another state.
+    /// Number the unchanged scene as a new state.
     pub fn begin_anew(&mut self) {
         self.number.0 += 1;
     }
 
-    /// What the page shows of the scene.
+    /// The scene for the page.
     pub fn scene(&self, seq: u64) -> ToPage {
         let title = self.args.scene.file_stem().unwrap_or_default();
         let name = self.file.file_name().unwrap_or_default();
@@ -409,14 +409,14 @@ impl Bench {
         }
     }
 
-    /// What is seen at a point of the picture.
+    /// What is visible at a point of the picture.
     pub fn seen_at(&mut self, x: f64, y: f64) -> Option<Seen> {
         let description = &self.description;
         let scene = self.scene.get_or_insert_with(|| Scene::new(description.clone()));
         scene.seen_at(x as f32, y as f32)
     }
 
-    /// What was asked for by a click.
+    /// The answer to a click.
     pub fn picked(&mut self, x: f64, y: f64) -> ToPage {
         let seen = self.seen_at(x, y);
         let object = seen.map(|seen| seen.object as usize);
@@ -438,7 +438,7 @@ impl Bench {
         let forward = camera.frame.n;
         let origin: [f64; 3] = std::array::from_fn(|i| f64::from(camera.position[i]) + self.origin[i]);
         let target = std::array::from_fn(|i| origin[i] + f64::from(forward[i]));
-        // The page knows rays that meet in one point: parallel ones meet very far behind.
+        // The page assumes that rays meet in one point; parallel ones meet very far behind.
         let back = match camera.projection {
             Projection::Perspective | Projection::Panoramic(_) => 0.0,
             Projection::Orthographic => FAR_BEHIND * f64::from(self.description.bounds.radius + camera.half_width),
@@ -473,7 +473,7 @@ impl Bench {
         }
     }
 
-    /// What can be taken hold of. Light from far away gets a place in the picture, where it can be turned.
+    /// Everything that has handles. Light from infinitely far away gets a handle in the picture, to be turned there.
     fn things(&self) -> Vec<Thing> {
         let mut things = desk::things(&self.text, &self.description, self.origin);
         let Ok(eye) = desk::eye(&self.meant) else {
@@ -484,7 +484,7 @@ impl Bench {
         let distance = (target - origin).length();
         let half_width = f64::from(self.description.camera.half_width);
         let half_width = match self.description.camera.projection {
-            // The page knows no place in their pictures.
+            // The page cannot locate points in panoramic pictures.
             Projection::Panoramic(_) => return Vec::new(),
             Projection::Perspective => distance * half_width,
             Projection::Orthographic => half_width,
@@ -500,7 +500,7 @@ impl Bench {
         self.file.parent().unwrap_or(Path::new(""))
     }
 
-    /// The text that totals of a gesture begin with.
+    /// The text from which a gesture's total changes are applied.
     fn base(&self, gesture: &str) -> &str {
         match self.undo.last() {
             Some(before) if before.gesture.as_deref() == Some(gesture) => &before.text,
@@ -508,7 +508,7 @@ impl Bench {
         }
     }
 
-    /// Take another text of a page, if it makes a scene.
+    /// Accept a new text from a page, if it is a valid scene.
     fn put(&mut self, text: String, gesture: Option<&str>) -> Result<Changed, Refusal> {
         self.put_by(Written::ByPage, text, gesture)
     }
@@ -540,7 +540,7 @@ impl Bench {
         })
     }
 
-    /// One step back, or forth.
+    /// Undo or redo one step.
     fn step(&mut self, forth: bool) -> Result<Changed, Refusal> {
         let next = match forth {
             true => self.redo.last().cloned(),
@@ -559,7 +559,7 @@ impl Bench {
             false => {
                 self.undo.pop();
                 self.redo.push(text);
-                // What goes on of the gesture that was taken back is another one.
+                // The rest of an interrupted gesture becomes a separate step.
                 if let Some(before) = self.undo.last_mut() {
                     before.gesture = None;
                 }
@@ -571,7 +571,7 @@ impl Bench {
         })
     }
 
-    /// Find the scene of a text; of an error nothing is left.
+    /// Switch to the scene of a text. On error nothing changes.
     fn show(&mut self, by: Written, text: &str) -> Result<Changed, Refusal> {
         let file = self.file.clone();
         self.try_to_show(by, text).map_err(|error| {
@@ -596,9 +596,9 @@ impl Bench {
             self.files = files;
             return Ok(Changed::Nothing);
         }
-        // As it is written: errors name its lines.
+        // Uses the text as written, as errors give its lines.
         let mut description = self.store.sketch(&files, self.origin)?;
-        // Single precision is finest near the origin: one that the camera has left far behind gives way to another.
+        // Single precision is finest near the origin: when the camera has moved far away, choose a new one.
         let mut origin = self.origin;
         let strayed = description.camera.position.length();
         if strayed > FAR * description.bounds.radius
@@ -628,7 +628,7 @@ fn read_text(file: &Path) -> Result<String, SceneError> {
     String::from_utf8(bytes).map_err(|_| wrong("the scene file is not UTF-8 text".into()))
 }
 
-/// Four digits are enough for where to focus.
+/// Four digits suffice for a focus distance.
 fn round(value: f64) -> f64 {
     let scale = libm::pow(10.0, 3.0 - libm::floor(libm::log10(value.abs().max(1e-30))));
     (value * scale).round() / scale

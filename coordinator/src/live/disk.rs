@@ -1,4 +1,4 @@
-//! Looks for changes of the scene's files on the disk.
+//! Detects changes of the scene's files on disk.
 
 use super::view::LiveView;
 use std::path::{Path, PathBuf};
@@ -6,10 +6,10 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use tokio::time::{MissedTickBehavior, interval};
 
-/// Time between looks.
+/// Time between checks.
 const LOOK: Duration = Duration::from_millis(250);
 
-/// When a file was written, and its size.
+/// Modification time and size of a file.
 type Mark = Option<(SystemTime, u64)>;
 
 fn mark(path: &Path) -> Mark {
@@ -25,7 +25,7 @@ fn marks(paths: Vec<PathBuf>) -> Vec<(PathBuf, Mark)> {
     paths.into_iter().map(with_mark).collect()
 }
 
-/// Read the scene again whenever one of its files is another one.
+/// Read the scene again whenever one of its files changes.
 pub async fn watch(view: Arc<LiveView>) {
     let mut looks = interval(LOOK);
     looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -36,7 +36,7 @@ pub async fn watch(view: Arc<LiveView>) {
         let looked = tokio::task::spawn_blocking(move || {
             let now = marks(of_view.bench().paths());
             let was = |path: &PathBuf| before.iter().find(|(known, _)| known == path).map(|(_, mark)| *mark);
-            // One that is named for the first time was read just now; one that is gone is being written, perhaps.
+            // A newly named file was just read; a missing one may be about to be written.
             let is_new = now
                 .iter()
                 .any(|(path, mark)| mark.is_some() && was(path).is_some_and(|was| was != *mark));

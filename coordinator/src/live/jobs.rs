@@ -1,14 +1,14 @@
-//! The job that a live view has beside itself.
+//! The job that runs next to a live view.
 
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::time::timeout;
 
-/// Time for a job to write what it has when the view ends.
+/// Time for a job to write its image when the view ends.
 const FAREWELL: Duration = Duration::from_secs(20);
 
-/// The one job that a view has at a time.
+/// A view runs at most one job at a time.
 pub struct Jobs {
     place: Arc<Semaphore>,
     over: watch::Sender<bool>,
@@ -22,20 +22,20 @@ impl Jobs {
         }
     }
 
-    /// The place of a job, unless there is one.
+    /// A permit for a job, unless one is running.
     pub fn begin(&self) -> Option<OwnedSemaphorePermit> {
         self.place.clone().try_acquire_owned().ok()
     }
 
-    /// True once the view ends.
+    /// Becomes true when the view ends.
     pub fn over(&self) -> watch::Receiver<bool> {
         self.over.subscribe()
     }
 
-    /// End the job that is under way, as Ctrl-C does: it writes the passes that are complete.
+    /// End the running job as Ctrl-C does: it writes the complete passes.
     pub async fn end(&self) {
         self.over.send_replace(true);
-        // Who has the place gives it back when its job has ended.
+        // The permit is returned when the job has ended.
         let _ = timeout(FAREWELL, self.place.acquire()).await;
     }
 }

@@ -1,4 +1,4 @@
-//! What the live view starts beside itself: a job of the scene, and an editor of its file.
+//! Programs that the live view starts: a job of the scene, and an editor for its file.
 
 use super::messages::ToPage;
 use super::view::{LiveView, error};
@@ -11,11 +11,11 @@ use std::sync::Arc;
 use tokio::io::{AsyncBufReadExt, BufReader};
 use tokio::process::{Child, Command};
 
-/// What `render` says before the address of its page.
+/// What `render` prints before its page's address.
 const PAGE: &str = "page: ";
 
-/// Begin a job of the scene file, which is saved before, and tell all pages where it is to be seen. There is one at a
-/// time, and it ends with the view.
+/// Save the scene, start a job of its file, and tell all pages the job's address. One job runs at a time; it ends with
+/// the view.
 pub fn render(view: Arc<LiveView>) {
     let Some(place) = view.jobs.begin() else {
         view.tell(error(
@@ -46,12 +46,12 @@ async fn begin(view: &Arc<LiveView>) -> Result<(), String> {
     let token = Token::random().map_err(|error| error.to_string())?;
     let program = std::env::current_exe().map_err(|error| error.to_string())?;
     let mut child = Command::new(program)
-        // It ends with this process, in whatever way that ends.
+        // It ends with this process, however that ends.
         .args(["render", "--with-parent"])
         .arg(&file)
         .args(view.args.of_native())
         .args(["--log", "warn"])
-        // Only this user can read the environment of a process.
+        // Only this user can read a process's environment.
         .env(TOKEN_VARIABLE, token.reveal())
         .env_remove("BEAMFARM_TOKEN_FILE")
         .stdin(Stdio::piped())
@@ -80,12 +80,12 @@ async fn begin(view: &Arc<LiveView>) -> Result<(), String> {
         match line.strip_prefix(PAGE) {
             Some(address) if !is_open => {
                 is_open = true;
-                // There are not cores enough for two.
+                // There are not enough cores for both.
                 view.give_way();
                 let url = format!("{}{ENTER}#{}", address.trim_end_matches('/'), token.reveal());
                 view.tell(ToPage::Open { url });
             }
-            // People at the terminal see what the job says.
+            // The job's output is passed on to the terminal.
             _ => {
                 eprintln!("{}", beamfarm_worker::visible(&line));
                 said.push(line);
@@ -104,18 +104,18 @@ async fn begin(view: &Arc<LiveView>) -> Result<(), String> {
     }
 }
 
-/// As Ctrl-C does, where there are signals; elsewhere its standard input ends, and it with that.
+/// Ctrl-C where there are signals; elsewhere closing its standard input ends it.
 fn interrupt(child: &mut Child) {
     #[cfg(unix)]
     if let Some(process) = child.id().and_then(|id| i32::try_from(id).ok()).and_then(Pid::from_raw) {
-        // It may have ended at this moment.
+        // It may have just ended.
         let _ = kill_process(process, Signal::INT);
     }
     #[cfg(not(unix))]
     drop(child.stdin.take());
 }
 
-/// Open the scene file in whatever opens such files.
+/// Open the scene file in the system's default editor.
 pub fn editor(view: &LiveView) -> Result<String, String> {
     let file = {
         let bench = view.bench();

@@ -1,19 +1,19 @@
-//! What the page and the server of a live view say to each other over their WebSocket.
+//! Messages between a live view's page and its server over their WebSocket.
 //!
-//! Pictures go as binary messages: four bytes, little endian, with the length of a [`FrameHeader`] in JSON, the header,
-//! and the bytes of a JPEG. Who asks for `/look?pixels=linear` gets the radiance in its place: R, G, B of each pixel as
-//! 32-bit floats, little endian, rows from the top, for programs that have an exposure and a tone curve of their own.
+//! A picture is a binary message: four bytes, little-endian, with the length of a [`FrameHeader`] in JSON, then the
+//! header and a JPEG. A client of `/look?pixels=linear` gets radiance in place of the JPEG, for its own exposure and
+//! tone curve: R, G, B of each pixel as little-endian 32-bit floats, rows from the top.
 
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_scene::desk::{Field, Thing};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// What a page says. `seq` counts its changes from one; those of one `gesture` are one step of undo.
+/// A message from a page. `seq` counts its changes from one; changes of one `gesture` are one undo step.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum FromPage {
-    /// The camera goes elsewhere, world space; `fov` as the scene file has it.
+    /// Move the camera, world space; `fov` as in the scene file.
     Camera {
         seq: u64,
         gesture: String,
@@ -24,21 +24,21 @@ pub enum FromPage {
         #[serde(default)]
         fov: Option<f64>,
     },
-    /// A field gets a value; null takes it out.
+    /// Set a field; null removes it.
     Set {
         seq: u64,
         gesture: String,
         path: String,
         value: Value,
     },
-    /// A thing has been moved by so much since the gesture began, world space.
+    /// Move an object by this much since the gesture began, world space.
     Move {
         seq: u64,
         gesture: String,
         thing: String,
         by: [f64; 3],
     },
-    /// A thing has been turned by so many degrees since the gesture began.
+    /// Turn an object by this many degrees since the gesture began.
     Turn {
         seq: u64,
         gesture: String,
@@ -46,48 +46,46 @@ pub enum FromPage {
         axis: [f64; 3],
         angle: f64,
     },
-    /// Nothing more comes for now.
+    /// No more changes for now.
     Rest,
-    /// What is there? From the upper left of the picture, 0 to 1.
+    /// Identify what is visible at a point. Coordinates from the upper left of the picture, 0 to 1.
     Pick { x: f64, y: f64 },
-    /// Focus on what is there.
+    /// Focus on what is visible there.
     Focus { seq: u64, x: f64, y: f64 },
-    /// One step back.
+    /// Undo one step.
     Undo { seq: u64 },
-    /// And forth.
+    /// Redo one step.
     Redo { seq: u64 },
-    /// As it is on the disk.
+    /// Go back to the text on disk.
     Revert { seq: u64 },
-    /// The scene's files have just been written, all of them: nobody has to wait for the next look at the disk.
+    /// The scene's files have all just been written: read them without waiting for the next check.
     Written { seq: u64 },
     /// Write the scene file.
     Save,
-    /// Begin a job.
+    /// Start a job.
     Render,
     /// Open the scene file in an editor.
     Editor,
-    /// Device pixels that the picture may be wide.
+    /// Largest useful picture width in device pixels.
     Size { width: u32 },
-    /// A picture is on the page.
+    /// A picture is being displayed.
     Drawn { frame: u64 },
-    /// So many passes in all.
+    /// Total number of passes.
     Passes { passes: u64 },
-    /// What is none of these, and why.
+    /// Invalid, and why.
     #[serde(skip)]
     Nonsense(String),
 }
 
-/// Numbers of a scene that a page sends are no larger: their squares, and what is made of them in single precision, are
-/// numbers still.
+/// Limit for numbers from a page: their squares, and values derived from them in single precision, stay finite.
 const LARGEST: f64 = 1e18;
-/// Of the picture's sides: a click may end beside it.
+/// Range of picture coordinates: a click may end outside the picture.
 const BESIDE: [f64; 2] = [-1.0, 2.0];
-/// Pixels that a picture may be wide.
+/// Range of picture widths in pixels.
 const WIDTHS: std::ops::RangeInclusive<u32> = 64..=8192;
 
 impl FromPage {
-    /// What a page says: the one place where its numbers are looked at. None of those within is infinite, or so large
-    /// that it becomes so.
+    /// Parse a page's message. Its numbers are validated only here: none is infinite or so large that it becomes so.
     pub fn read(text: &str) -> Self {
         let read = serde_json::from_str(text).map_err(|error| error.to_string());
         read.and_then(Self::within_ranges).unwrap_or_else(Self::Nonsense)
@@ -120,7 +118,7 @@ impl FromPage {
             Self::Set { value, .. } => {
                 let mut numbers = Vec::new();
                 collect(value, &mut numbers);
-                // Seeds are whole numbers of 64 bits.
+                // Seeds are 64-bit integers.
                 within("value", &numbers, [-f64::from(f32::MAX), f64::from(f32::MAX)])?;
             }
             Self::Move { by, .. } => within("by", by, ANY)?,
@@ -145,7 +143,7 @@ impl FromPage {
         Ok(self)
     }
 
-    /// Its number, and its gesture if it is a part of one, of what changes the scene.
+    /// For a message that changes the scene: its number, and its gesture if it has one.
     pub fn change(&self) -> Option<(u64, Option<&str>)> {
         match self {
             Self::Camera { seq, gesture, .. }
@@ -161,7 +159,7 @@ impl FromPage {
         }
     }
 
-    /// Whether nothing is lost when this one is not heard, since `later` says all that it said.
+    /// Whether `later` makes this message superfluous.
     pub fn is_outdone_by(&self, later: &Self) -> bool {
         match (self, later) {
             (
@@ -195,7 +193,7 @@ impl FromPage {
     }
 }
 
-/// The numbers in a value.
+/// Collects the numbers in a value.
 fn collect(value: &Value, numbers: &mut Vec<f64>) {
     match value {
         Value::Number(number) => numbers.extend(number.as_f64()),
@@ -205,7 +203,7 @@ fn collect(value: &Value, numbers: &mut Vec<f64>) {
     }
 }
 
-/// The camera, for what is drawn over the picture.
+/// The camera, for overlays on the picture.
 #[derive(Clone, Debug, Serialize)]
 pub struct Camera {
     pub origin: [f64; 3],
@@ -217,20 +215,20 @@ pub struct Camera {
     pub tan_x: f64,
     pub width: u32,
     pub height: u32,
-    /// Of the image's middle, to the right and up, on the plane at distance one.
+    /// Offset of the image's centre to the right and up, on the plane at distance one.
     pub shift: [f64; 2],
     pub flip_x: bool,
     pub aperture: f64,
     pub focus_distance: f64,
-    /// Why it cannot be moved, if it cannot.
+    /// Why the camera cannot be moved, if so.
     pub fixed: Option<String>,
 }
 
-/// What a page is told.
+/// A message to a page.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum ToPage {
-    /// The scene as it is.
+    /// The current scene.
     Scene {
         revision: u64,
         seq: u64,
@@ -243,16 +241,16 @@ pub enum ToPage {
         things: Vec<Thing>,
         fields: Vec<Field>,
     },
-    /// A change cannot be; `seq` 0: one on the disk.
+    /// A change is refused; `seq` 0: a change on disk.
     Error {
         seq: u64,
         path: Option<String>,
         line: Option<usize>,
         message: String,
     },
-    /// What was wrong is mended.
+    /// The error is resolved.
     Fine,
-    /// What goes on.
+    /// Current activity.
     State {
         workers: usize,
         doing: &'static str,
@@ -261,7 +259,7 @@ pub enum ToPage {
         error: Option<f64>,
         seconds: f64,
     },
-    /// What was asked for by a click.
+    /// The answer to a click.
     Picked {
         thing: Option<String>,
         name: Option<String>,
@@ -269,23 +267,23 @@ pub enum ToPage {
         distance: Option<f64>,
         material: Option<String>,
     },
-    /// For people.
+    /// A text for people.
     Told { text: String },
-    /// A job has begun.
+    /// A job has started.
     Open { url: String },
 }
 
-/// What stands before a picture.
+/// The header of a picture.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct FrameHeader {
-    /// Which of all that this page was sent.
+    /// The picture's number among those sent to this page.
     pub frame: u64,
     pub revision: u64,
-    /// The page's last change that is in it.
+    /// The page's last change included in it.
     pub seq: u64,
     pub step: usize,
     pub steps: usize,
-    /// Of the true average; 0 for a sketch.
+    /// Passes in the average; 0 for a sketch.
     pub passes: u64,
     pub of: u64,
     pub width: u32,
@@ -321,7 +319,7 @@ mod tests {
         }
     }
 
-    /// Every number of every message, as large and as small as can be written.
+    /// Every number of every message, with the largest and smallest values.
     #[test]
     fn numbers_are_in_their_ranges() {
         let messages = [

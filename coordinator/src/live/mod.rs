@@ -1,7 +1,7 @@
-//! `beamfarm live`: a scene to look at and to change while it renders, in the browser.
+//! `beamfarm live`: a scene to view and edit in the browser while it renders.
 //!
-//! `bench` holds the scene's text and what follows from it; `view` lets workers render it, coarse while it changes and
-//! as `render` does at rest; `page` and `socket` are for browsers.
+//! `bench` holds the scene's text and what follows from it; `view` has workers render it, coarsely while it changes and
+//! as `render` does at rest; `page` and `socket` serve browsers.
 
 mod bench;
 mod disk;
@@ -95,7 +95,7 @@ pub fn main(args: LiveArgs, log: &LogArgs) -> Result<(), Failure> {
     let address = args.listen.unwrap_or(SocketAddr::from((Ipv4Addr::LOCALHOST, 0)));
     let mut security = args.security.read(address)?;
     if security.token.is_none() && args.listen.is_none() {
-        // Other users of this machine reach the port as well.
+        // Other users of this machine can reach the port as well.
         security.token = Some(Token::random().map_err(Failure::io)?);
     }
     let has_own_token = security.operator.is_none();
@@ -111,7 +111,7 @@ pub fn main(args: LiveArgs, log: &LogArgs) -> Result<(), Failure> {
         let message = "--operator-token-file: the page of a live view needs another token than its workers";
         return Err(Failure::usage(message));
     }
-    // Workers render what the page shows, and change nothing of it.
+    // Workers only render the scene and must not change it.
     security.operator = Some(page.clone());
     let bench = Bench::open(&args.scene)?;
     let engine = args
@@ -131,18 +131,18 @@ pub fn main(args: LiveArgs, log: &LogArgs) -> Result<(), Failure> {
         has_own_token,
     };
     let done = runtime.block_on(run(args, log, door, (bench, engine), canary));
-    // A pilot that nobody wants any more may still be at work.
+    // An abandoned pilot may still be running.
     runtime.shutdown_background();
     done
 }
 
-/// Where browsers and workers come in.
+/// The entrance for browsers and workers.
 struct Door {
     address: SocketAddr,
     security: Security,
-    /// What browsers show.
+    /// The browsers' token.
     page: Token,
-    /// It was made for this view: nobody knows it who is not told.
+    /// Whether it was generated for this view, so that it must be printed.
     has_own_token: bool,
 }
 
@@ -163,7 +163,7 @@ async fn run(
         .await
         .map_err(|error| Failure::io(format!("cannot listen on {address}: {error}")))?;
     let address = listener.local_addr().map_err(Failure::io)?;
-    // Before there is anything that somebody could take for a sign that it listens.
+    // Before anything shows that it is listening.
     let drain = signals::drain().map_err(Failure::io)?;
     let view = LiveView::new(args.scene.clone(), bench, engine, canary);
     let url = format!("{}://{}", security.scheme(), reached_here(address));
@@ -210,7 +210,7 @@ async fn run(
     done
 }
 
-/// How this machine reaches what listens at an address.
+/// The address by which this machine reaches a listener.
 fn reached_here(address: SocketAddr) -> SocketAddr {
     match address.ip() {
         IpAddr::V4(ip) if ip.is_unspecified() => SocketAddr::from((Ipv4Addr::LOCALHOST, address.port())),
@@ -219,7 +219,7 @@ fn reached_here(address: SocketAddr) -> SocketAddr {
     }
 }
 
-/// The workers on this machine; none where they would have to trust a certificate.
+/// The workers on this machine; `None` if they would have to trust a certificate.
 fn crew(args: &LiveArgs, log: &LogArgs, security: &Security, url: &str) -> Option<Crew> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let workers = args.workers.map_or(1, usize::from);
@@ -232,7 +232,7 @@ fn crew(args: &LiveArgs, log: &LogArgs, security: &Security, url: &str) -> Optio
     let threads = args.threads.map(usize::from);
     (workers > 0).then(|| Crew {
         shape: Shape::new(Some(workers), threads, cores),
-        // Until it is said by which.
+        // Set when the engine is known.
         engine: EngineKind::Cpu,
         on_device: Shape::on_device(Some(workers), threads, cores),
         gpu: args.device.gpu.clone(),

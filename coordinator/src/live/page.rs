@@ -1,4 +1,4 @@
-//! What the live view's port answers to browsers: the page, its socket, and pictures to take away.
+//! The live view's HTTP routes for browsers: the page, its socket, and pictures to download.
 
 use super::socket;
 use super::view::LiveView;
@@ -73,7 +73,7 @@ fn wrong(error: impl ToString) -> Response {
     (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response()
 }
 
-/// A file to keep, named after the scene.
+/// A download named after the scene.
 fn to_keep(view: &LiveView, kind: &'static str, ending: &str, bytes: Vec<u8>) -> Response {
     let stem = view.args.scene.file_stem().unwrap_or_default().to_string_lossy();
     let name: String = stem
@@ -98,7 +98,7 @@ fn picture(view: &LiveView) -> Option<Arc<Picture>> {
     view.revisions.pictures().borrow().clone()
 }
 
-/// The true average with what an EXR says of itself; nothing while there are only sketches.
+/// The average as EXR with its metadata; unavailable while there are only sketches.
 async fn exr(State(view): State<Arc<LiveView>>) -> Response {
     let (picture, job) = (picture(&view), view.revisions.job());
     let (number, meant) = {
@@ -141,7 +141,7 @@ async fn exr(State(view): State<Arc<LiveView>>) -> Response {
     }
 }
 
-/// What is seen.
+/// The displayed picture.
 async fn png(State(view): State<Arc<LiveView>>) -> Response {
     let Some(picture) = picture(&view) else {
         return none();
@@ -159,7 +159,7 @@ async fn png(State(view): State<Arc<LiveView>>) -> Response {
 mod tests {
     use super::*;
 
-    /// What the page's modules import is there, and is all that there is.
+    /// The served files are those that the page's modules import.
     #[test]
     fn modules_find_each_other() {
         let html = include_str!("page/look.html");

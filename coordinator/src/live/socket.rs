@@ -1,4 +1,4 @@
-//! A page's WebSocket: changes in, the scene and its pictures out, as fast as the page takes them.
+//! A page's WebSocket: receives changes, and sends the scene and its pictures as fast as the page takes them.
 
 use super::launch;
 use super::messages::{FrameHeader, FromPage, ToPage};
@@ -20,21 +20,21 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{MissedTickBehavior, interval};
 use tracing::debug;
 
-/// Pages at a time.
+/// The most pages at a time.
 const PAGES: usize = 32;
 static OPEN: AtomicUsize = AtomicUsize::new(0);
-/// Bytes of a page's message.
+/// Largest message of a page, in bytes.
 const MESSAGE_BYTES: usize = 1 << 20;
-/// Changes of one page that may wait for the scene to follow.
+/// The most changes of one page that may wait.
 const WAITING: usize = 256;
-/// Time between two tellings of the scene while it changes all the time.
+/// Least time between scene messages during continuous changes.
 const SCENE_PAUSE: Duration = Duration::from_millis(150);
-/// Time between looks at what goes on.
+/// Time between checks of the activity.
 const LOOK: Duration = Duration::from_millis(250);
-/// A page that has not said for so long that it shows a picture is sent the next one all the same.
+/// After this time without confirmation of a picture, the page is sent the next one anyway.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// A page that is open; dropped, there is room for another one.
+/// Counts an open page; dropping it makes room for another.
 struct OpenPage;
 
 impl OpenPage {
@@ -52,18 +52,18 @@ impl Drop for OpenPage {
     }
 }
 
-/// How pictures are wanted.
+/// The format of pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pixels {
-    /// To be looked at: in the scene's view.
+    /// For display, in the scene's view.
     #[default]
     Jpeg,
-    /// As they are.
+    /// As radiance.
     Linear,
 }
 
-/// What stands in the address.
+/// Query parameters.
 #[derive(Debug, Deserialize)]
 pub struct Asked {
     #[serde(default)]
@@ -80,13 +80,13 @@ pub async fn open(
     };
     let upgrade = upgrade.max_message_size(MESSAGE_BYTES);
     upgrade.on_upgrade(move |socket| async move {
-        // Fails when the page is gone.
+        // Fails if the page is gone.
         let _ = Page::new(view, asked.pixels).attend(socket).await;
         drop(place);
     })
 }
 
-/// Why a page is let go.
+/// The page must be disconnected.
 struct Gone;
 
 impl From<axum::Error> for Gone {
@@ -95,22 +95,22 @@ impl From<axum::Error> for Gone {
     }
 }
 
-/// What this page has been told and has asked for.
+/// The state of one page.
 struct Page {
     view: Arc<LiveView>,
     pixels: Pixels,
-    /// Its changes, each with the state of the scene that it is in, the last ones.
+    /// Its latest changes, each with the revision that includes it.
     changes: Vec<(u64, RevisionNumber)>,
     /// Its last change.
     seq: u64,
     frames: u64,
-    /// The picture on its way, and since when.
+    /// The picture being sent, and since when.
     under_way: Option<(u64, Instant)>,
-    /// What the last picture that was sent shows, in which view, with which change.
+    /// The last picture sent: revision, quality, view and last change.
     sent: Option<(RevisionNumber, Quality, Look, u64)>,
     told_scene: Option<Instant>,
     last_state: String,
-    /// Its last change was refused.
+    /// Whether its last change was refused.
     is_wrong: bool,
 }
 
@@ -160,7 +160,7 @@ impl Page {
                         return Ok(());
                     };
                     take(&mut waiting, message?);
-                    // What has arrived meanwhile counts together: of a drag only the last place.
+                    // Messages that arrived meanwhile are merged: only the last position of a drag counts.
                     while let Ok(Some(message)) = tokio::time::timeout(Duration::ZERO, socket.recv()).await {
                         take(&mut waiting, message?);
                     }
@@ -187,7 +187,7 @@ impl Page {
         }
     }
 
-    /// Send a picture, if this one is another than the last, and the page has that.
+    /// Send this picture if it differs from the last and the page has received that one.
     async fn show(&mut self, socket: &mut WebSocket, picture: Option<Arc<Picture>>) -> Result<(), Gone> {
         let Some(picture) = picture else {
             return Ok(());
@@ -304,7 +304,7 @@ impl Page {
         }
     }
 
-    /// What goes on, if it is something else than before.
+    /// Send the current activity if it has changed.
     async fn tell_state(&mut self, socket: &mut WebSocket) -> Result<(), Gone> {
         let rest = self.view.rest().borrow().clone();
         let workers = self.view.revisions.workers();
@@ -344,19 +344,19 @@ impl Page {
     }
 }
 
-/// The radiance itself: R, G, B of each pixel, little endian, rows from the top.
+/// Radiance: R, G, B of each pixel, little-endian, rows from the top.
 fn linear(film: &Film) -> Vec<u8> {
     let values = film.pixels.as_flattened();
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
-/// A message as JSON, in which names have no characters that mislead: those are spelt out, so that they are seen.
+/// A message as JSON. Misleading characters in names are spelt out, so that they are visible.
 fn written(message: &ToPage) -> Option<String> {
     let text = serde_json::to_string(message).ok()?;
     if !text.contains(misleads) {
         return Some(text);
     }
-    // Controls are escapes in JSON by now. What is left of these stands in strings, where a backslash is two.
+    // Control characters are escaped already. The remaining ones are in strings, where a backslash is doubled.
     let spelt = text.chars().map(|c| match misleads(c) {
         true => format!("\\{}", c.escape_unicode()),
         false => c.to_string(),
@@ -370,7 +370,7 @@ async fn send(socket: &mut WebSocket, message: &ToPage) -> Result<(), Gone> {
     Ok(())
 }
 
-/// Keep what a page says, but for what a later message says as well.
+/// Queue a page's message and drop those that it supersedes.
 fn take(waiting: &mut Vec<FromPage>, message: Message) {
     let Message::Text(text) = message else {
         return;

@@ -1,4 +1,4 @@
-//! The live view: the scene on its bench, the workers that render it, and what pages are told.
+//! The live view: the scene on its bench, its workers, and messages to pages.
 
 use super::bench::{Bench, Changed, Refusal};
 use super::jobs::Jobs;
@@ -16,23 +16,23 @@ use tokio::sync::{Notify, broadcast, watch};
 use tokio::time::sleep;
 use tracing::warn;
 
-/// After so long without a change nothing moves, whoever still holds a mouse button.
+/// After this time without a change the view is at rest, even if a mouse button is held.
 const STILL: Duration = Duration::from_millis(350);
-/// Device pixels that pictures are wide before any page has said.
+/// Picture width in device pixels until a page requests one.
 const WIDTH: u32 = 960;
-/// Messages that a slow page may be behind.
+/// The most messages that a slow page may lag behind.
 const BEHIND: usize = 64;
 
-/// What pilots at rest find.
+/// The result of pilots at rest.
 #[derive(Clone, Debug, Default)]
 pub struct Rest {
-    /// Of which state of the scene.
+    /// The scene's revision.
     pub revision: RevisionNumber,
-    /// A pilot is at work.
+    /// Whether a pilot is running.
     pub is_trying: bool,
-    /// When the passes began.
+    /// When the passes started.
     pub since: Option<Instant>,
-    /// Photons that miss all targets are dropped: the average is biased.
+    /// Whether photons that miss all targets are dropped, which biases the average.
     pub drops_photons: bool,
 }
 
@@ -42,21 +42,21 @@ pub struct LiveView {
     engine: EngineKind,
     pub revisions: Arc<Revisions>,
     bench: Mutex<Bench>,
-    /// Grows with everything that pages show of the scene.
+    /// Counts changes of what pages show of the scene.
     scene: watch::Sender<u64>,
     rest: watch::Sender<Rest>,
-    /// For all pages.
+    /// Messages for all pages.
     told: broadcast::Sender<ToPage>,
-    /// Something changed, or nothing more comes for now.
+    /// Notified of a change, and when no more changes follow for now.
     changed: Notify,
     at_rest: Notify,
-    /// Ends the pilot that is at work.
+    /// Interrupts the running pilot.
     pilot: Mutex<Interrupt>,
-    /// Device pixels that pictures may be wide.
+    /// Largest useful picture width in device pixels.
     width: watch::Sender<u32>,
-    /// So many passes, whatever the scene says.
+    /// The number of passes, if it overrides the scene's.
     passes: Mutex<Option<u64>>,
-    /// What was wrong on the disk, and is still.
+    /// Whether there is an unresolved error in a file on disk.
     wrong: Mutex<bool>,
     pub jobs: Jobs,
 }
@@ -91,7 +91,7 @@ impl LiveView {
         self.bench.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Wakes those who show the scene.
+    /// Notifies those who show the scene.
     pub fn scene_changes(&self) -> watch::Receiver<u64> {
         self.scene.subscribe()
     }
@@ -100,18 +100,18 @@ impl LiveView {
         self.rest.subscribe()
     }
 
-    /// What all pages are told.
+    /// Messages for all pages.
     pub fn told(&self) -> broadcast::Receiver<ToPage> {
         self.told.subscribe()
     }
 
-    /// Tell all pages.
+    /// Send a message to all pages.
     pub fn tell(&self, message: ToPage) {
-        // Fails when there are none.
+        // Fails if there are none.
         let _ = self.told.send(message);
     }
 
-    /// Make a change that a page asks for. The state of the scene that it is in.
+    /// Apply a change requested by a page. Returns the revision that includes it.
     pub fn change(&self, change: &FromPage) -> Result<RevisionNumber, Refusal> {
         let mut bench = self.bench();
         let changed = bench.change(change)?;
@@ -119,19 +119,19 @@ impl LiveView {
         Ok(bench.number())
     }
 
-    /// Nothing more comes for now.
+    /// No more changes follow for now.
     pub fn settle_down(&self) {
         self.at_rest.notify_one();
     }
 
-    /// A file has changed on the disk.
+    /// A file has changed on disk.
     pub fn read_again(&self) {
         let mut bench = self.bench();
         let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
         match bench.read_again() {
             Ok(changed) => {
                 self.follow(&bench, changed);
-                // Saved or not, for one.
+                // The saved state, for example, has changed.
                 self.scene.send_modify(|count| *count += 1);
                 if std::mem::take(&mut *wrong) {
                     self.tell(ToPage::Fine);
@@ -151,7 +151,7 @@ impl LiveView {
         saved
     }
 
-    /// A page may show pictures of this width.
+    /// A page can show pictures of this width.
     pub fn widen(&self, width: u32) {
         let is_new = self.width.send_if_modified(|known| {
             let is_new = *known != width;
@@ -159,7 +159,7 @@ impl LiveView {
             is_new
         });
         if is_new {
-            // The same scene once more, at another size.
+            // The same scene at another size.
             let mut bench = self.bench();
             let is_sketch = self.revisions.job().is_none();
             if is_sketch {
@@ -170,13 +170,13 @@ impl LiveView {
         }
     }
 
-    /// So many passes in all from now on.
+    /// Set the total number of passes.
     pub fn set_passes(&self, passes: u64) {
         *self.passes.lock().unwrap_or_else(PoisonError::into_inner) = Some(passes);
         self.revisions.extend(passes);
     }
 
-    /// The view's own passes give way to a job.
+    /// Stop the view's own passes while a job runs.
     pub fn give_way(&self) {
         self.revisions.extend(0);
     }
@@ -208,12 +208,12 @@ impl LiveView {
         self.revisions.revise(revision, files, full, bench.style(self.engine));
     }
 
-    /// Find out at rest what the passes of the scene are, again and again.
+    /// Whenever the scene is at rest, find the settings of its passes.
     pub async fn rest_again_and_again(self: Arc<Self>) {
         let mut store = Store::default();
         loop {
             self.changed.notified().await;
-            // Of a rest before.
+            // Discard a notification of an earlier rest.
             let _ = tokio::time::timeout(Duration::ZERO, self.at_rest.notified()).await;
             // Until nothing changes any more.
             loop {
@@ -239,7 +239,7 @@ impl LiveView {
         }
     }
 
-    /// As `render` does before its first pass.
+    /// Run the pilot, as `render` does before its first pass.
     fn try_out(&self, store: &mut Store) {
         let interrupt = Interrupt::default();
         *self.pilot.lock().unwrap_or_else(PoisonError::into_inner) = interrupt.clone();
@@ -295,7 +295,7 @@ impl LiveView {
     }
 }
 
-/// What a page is told of a change that cannot be.
+/// The message for a refused change.
 pub fn error(seq: u64, refusal: Refusal) -> ToPage {
     let Refusal { path, line, message } = refusal;
     ToPage::Error {
@@ -306,7 +306,7 @@ pub fn error(seq: u64, refusal: Refusal) -> ToPage {
     }
 }
 
-/// The picture's size, or less of it where it is wider than that.
+/// The picture's size, reduced to at most this width.
 fn fitting([width, height]: [u32; 2], most: u32) -> [u32; 2] {
     let share = (f64::from(most.max(16)) / f64::from(width.max(1))).min(1.0);
     [width, height].map(|side| ((f64::from(side) * share).round() as u32).max(1))

@@ -1,4 +1,4 @@
-//! `beamfarm compare`: how far an image is from a reference.
+//! `beamfarm compare`: the difference between an image and a reference.
 
 use crate::failure::Failure;
 use crate::output::print_text;

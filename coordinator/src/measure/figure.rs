@@ -1,24 +1,24 @@
-//! What figures share: axes, powers of ten, and coordinates that are fine enough.
+//! Shared by figures: axes, powers of ten, and subpixel coordinates.
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use std::ops::Range;
 
-/// plotters' coordinates are whole numbers: so many to a pixel, or slanted lines and dashes would wobble.
+/// plotters has integer coordinates; this many per pixel keep slanted lines and dashes from wobbling.
 pub const FINE: i32 = 4;
 
-/// A size in pixels in those coordinates.
+/// A size in pixels, in these coordinates.
 pub fn fine((width, height): (u32, u32)) -> (u32, u32) {
     (width * FINE as u32, height * FINE as u32)
 }
 
-/// An SVG of that size, shown at `size` in pixels.
+/// An SVG in these coordinates, displayed at `size` in pixels.
 pub fn shown_at(svg: String, size: (u32, u32)) -> String {
     let attributes = |(width, height)| format!("<svg width=\"{width}\" height=\"{height}\"");
     svg.replacen(&attributes(fine(size)), &attributes(size), 1)
 }
 
-/// A logarithmic axis with powers of ten for labels. plotters has one of its own, whose labels are plain numbers at
-/// places that depend on the size of the plot.
+/// A logarithmic axis labelled with powers of ten. The axis of plotters has plain numbers at positions that depend on
+/// the plot's size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decades {
     /// Logarithms to base 10 of its ends.
@@ -27,7 +27,7 @@ pub struct Decades {
 }
 
 impl Decades {
-    /// The axis for these values: with room around them, and two powers of ten at least.
+    /// An axis with a margin around these values, spanning at least two powers of ten.
     pub fn around(values: impl Iterator<Item = f64>) -> Option<Self> {
         let logs = values.map(libm::log10);
         let (low, high) = logs.map(|v| (v, v)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
@@ -62,7 +62,7 @@ impl Ranged for Decades {
             true => 2..10,
             false => 1..2,
         };
-        // A hair of tolerance, for ends that are powers of ten themselves.
+        // A small tolerance for ends that are powers of ten.
         let ends = self.low - 1e-9..=self.high + 1e-9;
         let powers = self.powers().map(|power| libm::exp10(f64::from(power)));
         let values = powers.flat_map(|power| multiples.clone().map(move |n| f64::from(n) * power));
@@ -81,7 +81,7 @@ impl ValueFormatter<f64> for Decades {
     }
 }
 
-/// An integer as an exponent.
+/// An integer as a superscript.
 pub fn superscript(exponent: &str) -> String {
     let raised = exponent.chars().map(|digit| match digit {
         '-' => '\u{207b}',

@@ -1,12 +1,12 @@
-//! The subcommands that measure: none of them is needed to make an image.
+//! The measuring subcommands; none is needed to make an image.
 //!
 //! | file | |
 //! | --- | --- |
-//! | `bench` | error against time: runs of scenes, their report as tables, plots and a page |
-//! | `compare.rs` | how far an image is from a reference |
-//! | `convergence` | one pixel over and over, beside the theory of convergence |
+//! | `bench` | error over time: runs of scenes, with tables, plots and a report page |
+//! | `compare.rs` | the difference between an image and a reference |
+//! | `convergence` | one pixel many times, compared with the theory of convergence |
 //! | `reference.rs` | the ground truth, by the path tracer |
-//! | `figure.rs` | what the plots of `bench` and `convergence` share |
+//! | `figure.rs` | shared by the plots of `bench` and `convergence` |
 
 pub mod bench;
 pub mod compare;

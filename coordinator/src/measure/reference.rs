@@ -41,7 +41,7 @@ was never found.
 
 SIGINT (Ctrl-C) writes the samples that are complete; another one after a second kills.";
 
-/// Samples when neither their number nor a time is given.
+/// Number of samples if neither it nor a time is given.
 pub const SAMPLES: u64 = 64;
 
 #[derive(Args)]
@@ -120,7 +120,7 @@ enum SampleAov {
 }
 
 impl SampleAov {
-    /// The same layers of passes.
+    /// The corresponding layers of passes.
     fn of_passes(self) -> Vec<Aov> {
         match self {
             Self::Direct => vec![Aov::Direct],
@@ -138,7 +138,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         of: SceneArgs {
             scene: args.scene.clone(),
             import: args.import.clone(),
-            // It has none, and needs no pilot.
+            // The path tracer emits no photons and needs no pilot.
             paths: Some(1),
             seed: args.seed,
             alpha: None,
@@ -148,7 +148,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         budget: None,
         aov: args.aov.iter().flat_map(|aov| aov.of_passes()).collect(),
         engine: None,
-        // Samples have engines of their own.
+        // Samples have their own engines.
         device: None,
         measures: false,
         silent: false,
@@ -173,7 +173,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     let stop = runtime.block_on(async { signals::drain() });
     let stop = stop.map_err(Failure::io)?;
-    // Zero threads stand for one per core.
+    // Zero threads mean one per core.
     let threads = args.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(Failure::io)?;
@@ -266,7 +266,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
     }
 }
 
-/// A path tracer has no photons that could obey rules.
+/// A path tracer has no photons that rules could apply to.
 pub fn refuse_photon_rules(description: &SceneDescription) -> Result<(), Failure> {
     let photon_rules = &description.photon_rules;
     if photon_rules.is_empty() {
@@ -279,8 +279,8 @@ pub fn refuse_photon_rules(description: &SceneDescription) -> Result<(), Failure
     )))
 }
 
-/// Render so many samples, one after the other, or as many as are complete when `goes_on` says no. `tell` is given the
-/// sum after each, and their number. The error comes with the sum of those before it.
+/// Render up to `count` samples, one after another, until `goes_on` returns false. `tell` receives the sum and the
+/// number of samples after each. An error comes with the sum of the samples before it.
 pub fn samples(
     (scene, layers): (&Scene, &SampleLayers),
     settings: ReferenceSettings,
@@ -313,7 +313,7 @@ fn summarise(average: &Average, output: &Output, seconds: f64) {
     say!("pixels {}", pixel_hash(&average.beauty));
 }
 
-/// Samples of one scene, as they are shown.
+/// Progress display for the samples of one scene.
 struct Showing {
     samples: u64,
     started: Instant,
@@ -356,7 +356,7 @@ impl Showing {
     }
 }
 
-/// What was shown of the progress, and when there is more, counted from the start.
+/// The last progress shown, and when the next is due, counted from the start.
 struct Shown {
     error: Option<f64>,
     next_estimate: Duration,

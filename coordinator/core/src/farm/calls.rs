@@ -11,7 +11,7 @@ use std::sync::{Arc, MutexGuard};
 use tokio::time::{Instant, timeout_at};
 use tracing::{debug, error, info, warn};
 
-/// Workers that do not offer the engine and are remembered.
+/// The most workers without the job's engine that are remembered.
 const UNABLE: usize = 100;
 
 impl Farm {
@@ -19,13 +19,13 @@ impl Farm {
         self.files.get(&hash).cloned()
     }
 
-    /// Whether workers have to show a test picture by the job's engine: not one that takes long to get ready, where
-    /// nothing is ever checked.
+    /// Whether workers have to render a test picture with the job's engine. An engine other than the processors' is
+    /// spared the test where no block is ever checked.
     pub(crate) fn asks_for_canary(&self) -> bool {
         self.job.settings.engine == EngineKind::Cpu || self.state().ledger.asks_for_canary()
     }
 
-    /// A worker has come that does not offer the job's engine.
+    /// Note that a worker without the job's engine came.
     pub(crate) fn cannot_serve(&self, name: &str, reason: &str) {
         let engine = self.job.settings.engine;
         let mut state = self.state();
@@ -91,24 +91,24 @@ impl Farm {
         registered
     }
 
-    /// So many passes the worker renders best together.
+    /// Note how many passes the worker renders best together.
     pub(crate) fn renders_together(&self, worker: WorkerId, passes: u32) {
         self.state().ledger.renders_together(worker, passes);
     }
 
-    /// Whether a worker of this number is remembered.
+    /// Whether the worker is remembered.
     pub(crate) fn knows(&self, worker: WorkerId) -> bool {
         self.state().ledger.knows(worker)
     }
 
-    /// A worker that is known, and was at another job meanwhile, is here again.
+    /// Welcome back a known worker that was at another job.
     pub(crate) fn welcome_back(&self, worker: WorkerId) -> Result<(), LedgerError> {
         let now = self.now();
         self.state().ledger.welcome_back(worker, now)
     }
 
-    /// Blocks that this worker, or one that is yet to come, would be given now: at most so many. `is_idle`: it has
-    /// nothing else to do.
+    /// The number of blocks that this worker, or a new one for `None`, would be given now, as an upper bound.
+    /// `is_idle`: the worker has nothing else to do.
     pub(crate) fn openings(&self, worker: Option<WorkerId>, is_idle: bool) -> u64 {
         let state = self.state();
         match self.end.borrow().is_some() || state.progress.paused {
@@ -117,7 +117,7 @@ impl Farm {
         }
     }
 
-    /// The worker is told that another job has work. It may be called back.
+    /// Note that the worker is told to go to another job. It may be called back.
     pub(crate) fn send_away(&self, worker: WorkerId) {
         self.state().ledger.send_away(worker);
     }
@@ -133,7 +133,7 @@ impl Farm {
         self.state().ledger.convicted().cloned().collect()
     }
 
-    /// These delivered wrong pixels for another job.
+    /// Shut out workers that delivered wrong pixels for another job.
     pub(crate) fn convict(&self, convicted: &[Who]) {
         let mut state = self.state();
         convicted
@@ -145,7 +145,7 @@ impl Farm {
         self.settle();
     }
 
-    /// Leases of blocks that the worker has or is rendering, as far as they are wanted.
+    /// Lease blocks that the worker already holds or is rendering, as far as they are still wanted.
     pub(crate) fn claim(&self, worker: WorkerId, blocks: impl IntoIterator<Item = Block>) -> Vec<(LeaseId, Block)> {
         let now = self.now();
         let mut state = self.state();
@@ -155,11 +155,11 @@ impl Farm {
             .collect()
     }
 
-    /// The next block, as soon as there is one, or `NotNow` after the time between heartbeats.
+    /// The next block as soon as there is one, or `NotNow` after one heartbeat interval.
     pub(crate) async fn lease(&self, worker: WorkerId) -> Result<Grant, LedgerError> {
         let patience = Instant::now() + self.timing.heartbeat;
         loop {
-            // Before the look at the ledger, so that no news slips in between.
+            // Before reading the ledger, so that no news slips in between.
             let opened = self.opened.notified();
             if self.end.borrow().is_some() {
                 return Ok(Grant::Done);
@@ -181,9 +181,10 @@ impl Farm {
                     return Ok(grant);
                 }
                 Grant::Done => {
-                    // The last ones that could have checked something are gone.
+                    // The last workers that could have checked something may be gone.
                     self.settle();
-                    // Or somebody has come meanwhile, or passes are to be rendered again: then there is more to do.
+                    // Somebody may have come meanwhile, or passes may have to be rendered again: then there is more to
+                    // do.
                     if self.end.borrow().is_some() {
                         return Ok(grant);
                     }
@@ -198,7 +199,7 @@ impl Farm {
         }
     }
 
-    /// A sign of life, with leases and the number of passes rendered of each.
+    /// A heartbeat with leases and, for each, the number of passes rendered.
     pub(crate) fn beat(
         &self,
         worker: WorkerId,
@@ -208,7 +209,7 @@ impl Farm {
         self.state().ledger.beat(worker, leases, now)
     }
 
-    /// Count the worker as present until the value is dropped, which ends its leases.
+    /// Count the worker as present until the value is dropped. Dropping it ends the worker's leases.
     pub(crate) fn attend(self: &Arc<Self>, worker: WorkerId) -> Result<Attendance, LedgerError> {
         let now = self.now();
         let mut state = self.state();
@@ -219,7 +220,7 @@ impl Farm {
         Ok(Attendance { farm, worker })
     }
 
-    /// The connection by which the worker registered is over.
+    /// The connection that the worker registered through is closed.
     pub(crate) fn hung_up(&self, worker: WorkerId) {
         let mut state = self.state();
         if let Some(lost) = state.ledger.hung_up(worker) {
@@ -227,7 +228,7 @@ impl Farm {
         }
     }
 
-    /// The worker is gone, and so many leases ended with it.
+    /// The worker is gone; `lost` leases ended with it.
     fn left(&self, mut state: MutexGuard<'_, State>, worker: WorkerId, lost: usize) {
         if self.end.borrow().is_none() {
             state.progress.lost_leases += lost as u64;
@@ -250,7 +251,7 @@ impl Farm {
         self.settle();
     }
 
-    /// The worker does not want these leases any more; when it leaves, none at all.
+    /// The worker gives these leases back; all of them when it leaves.
     pub(crate) fn give_back(
         &self,
         worker: WorkerId,
@@ -277,23 +278,24 @@ impl Farm {
         self.state().ledger.is_reliable(worker)
     }
 
-    /// Workers of other jobs may be called to this one.
+    /// Let workers of other jobs be called to this one.
     pub(crate) fn join(&self, crew: Arc<Crew>) {
         self.state().ledger.join(crew);
     }
 
-    /// Taking a block in takes so many seconds: what the size of blocks depends on.
+    /// Set the seconds that taking in a block costs. The size of blocks depends on it.
     pub(crate) fn set_intake(&self, seconds: f64) {
         self.state().ledger.set_intake(seconds);
     }
 
-    /// Whether a block that is about to arrive can be one that was asked for.
+    /// Whether a block that is about to arrive was asked for.
     pub(crate) fn check(&self, claim: &Claim) -> Result<(), LedgerError> {
         let state = self.state();
         state.ledger.check(claim.worker, claim.lease, claim.block)
     }
 
-    /// Look a delivered block over and add it to the sum. Takes milliseconds: not for a thread that serves others.
+    /// Check a delivered block and add it to the sum. Takes milliseconds: do not call it from a thread that serves
+    /// others.
     pub(crate) fn submit(&self, claim: &Claim, bytes: &[u8]) -> Result<Accepted, Refusal> {
         let Examined {
             node,
@@ -309,8 +311,8 @@ impl Farm {
         };
         let Claim { worker, block, .. } = *claim;
         let accepted = {
-            // The sum first, so that ledger and sum change together: a block of a worker that is being shut out must be
-            // in neither or in both.
+            // Lock the sum first, so that ledger and sum change together: a block of a worker that is being shut out
+            // must be in both or in neither.
             let mut sum = self.sum();
             let now = self.now();
             let mut state = self.state();
@@ -334,7 +336,7 @@ impl Farm {
             if accepted == Ok(Accepted::New)
                 && let Err(error) = sum.insert(node)
             {
-                // The ledger lets no pass in twice and `examine` checked all else.
+                // The ledger accepts no pass twice, and `examine` checked everything else.
                 error!(worker = worker.0, %block, "{error}");
                 return Err(Refusal::Flaw(Flaw::Foreign(error.to_string())));
             }
@@ -344,7 +346,7 @@ impl Farm {
         if accepted == Ok(Accepted::New) {
             self.look();
             if self.state().ledger.is_to_be_checked(block) {
-                // Those that have nothing to do can check it now.
+                // Workers with nothing to do can check it now.
                 self.opened.notify_waiters();
             }
         }
@@ -379,7 +381,7 @@ impl Farm {
         Ok(())
     }
 
-    /// Note that a delivery does not count.
+    /// Note that a delivery was refused.
     pub(crate) fn reject(&self, claim: &Claim, flaw: &Flaw) {
         let Claim {
             worker, lease, block, ..
@@ -392,10 +394,10 @@ impl Farm {
         state.events.push(EventKind::Refused, text);
         match flaw {
             Flaw::Damaged => return,
-            // A worker looks at every pass that it adds up: it is to blame for what is wrong in the sum of several.
+            // A worker checks every pass before it adds it up, so it is to blame for what is wrong in a sum of several.
             Flaw::Pixels(message) if block.level == 0 => {
                 drop(state);
-                // The caller checked the lease; a worker that went away since changes nothing.
+                // The caller checked the lease; if the worker has left since, nothing changes.
                 let _ = self.fail(worker, lease, block.start(), message);
                 return;
             }
@@ -410,10 +412,10 @@ impl Farm {
 /// Why a worker may not register.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 pub(crate) enum Unwelcome {
-    /// Never again.
+    /// For good.
     #[error(transparent)]
     Sentenced(#[from] Sentence),
-    /// Not now.
+    /// For now.
     #[error("there are too many workers")]
     Crowd,
 }
@@ -421,10 +423,10 @@ pub(crate) enum Unwelcome {
 /// Why a delivery was refused.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Refusal {
-    /// Because of what is in it.
+    /// Because of its content.
     #[error(transparent)]
     Flaw(#[from] Flaw),
-    /// Because of who sent it, or because of what is there already.
+    /// Because of its sender, or of what is already there.
     #[error(transparent)]
     Ledger(#[from] LedgerError),
 }

@@ -1,12 +1,12 @@
-//! What happened lately, for people who watch.
+//! Recent events, for people who watch.
 
 use std::collections::VecDeque;
 use std::time::SystemTime;
 
-/// Events that are remembered.
+/// The most events that are remembered.
 const REMEMBERED: usize = 500;
 
-/// What kind of thing happened.
+/// Kinds of events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum EventKind {
@@ -20,13 +20,13 @@ pub enum EventKind {
     Failed,
     /// What a worker sent was refused.
     Refused,
-    /// Two workers delivered other bits for the same block, or a third one decided which are right.
+    /// Two workers delivered different bits for the same block, or a third decided which are right.
     Divergent,
     /// A worker does not offer the job's engine.
     Unable,
     /// A worker is shut out.
     ShutOut,
-    /// Passes that counted do so no more, and are rendered again.
+    /// Passes that counted were taken back and are rendered again.
     Dropped,
     /// Somebody paused the job, resumed it, or asked for more passes.
     Control,
@@ -53,20 +53,20 @@ impl EventKind {
     }
 }
 
-/// Something that happened.
+/// An event.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// Events are numbered from zero; those that are forgotten leave a gap at the beginning.
+    /// Events are numbered from zero. Old ones are forgotten, so the list may begin later.
     pub number: u64,
-    /// When.
+    /// When it happened.
     pub time: SystemTime,
-    /// What kind of thing.
+    /// What kind of event it is.
     pub kind: EventKind,
-    /// What, in a sentence. Names of workers in it come from outside, quoted.
+    /// What happened, in a sentence. Workers' names in it come from outside and are quoted.
     pub text: String,
 }
 
-/// The last events.
+/// The most recent events.
 #[derive(Debug, Default)]
 pub(super) struct Events {
     next: u64,

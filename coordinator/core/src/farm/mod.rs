@@ -1,6 +1,6 @@
-//! A job and all that is known about it, shared by every call that comes in.
+//! A job with everything known about it, shared by all calls.
 //!
-//! Locks are held for the length of a look-up or of an addition of images, and never across an `.await`.
+//! Locks are held while something is looked up or images are added, and never across an `.await`.
 
 mod calls;
 mod events;
@@ -38,12 +38,12 @@ use tokio::sync::{Notify, mpsc, watch};
 use tokio::time::Instant;
 use tracing::info;
 
-/// Attempts at one pass before the job gives up. Passes are deterministic, so a second attempt only rules out a machine
-/// that miscalculates, and a third one two of them.
+/// Attempts at one pass before the job gives up. Passes are deterministic: a second attempt rules out one machine that
+/// miscalculates, a third rules out two.
 const ATTEMPTS_PER_PASS: u32 = 3;
 /// Failures in a row before a worker is shut out.
 const FAILURES_PER_WORKER: u32 = 5;
-/// Wrong results before a worker is shut out. The worker's own program stops at its first.
+/// Wrong results before a worker is shut out. The worker's own program stops after its first.
 const REFUSALS_PER_WORKER: u32 = 3;
 
 /// What to render.
@@ -51,31 +51,31 @@ const REFUSALS_PER_WORKER: u32 = 3;
 pub struct JobSpec {
     /// The scene file and its assets.
     pub bundle: Bundle,
-    /// What passes depend on beside the scene.
+    /// What passes depend on besides the scene.
     pub settings: JobSettings,
-    /// Pixels a row, as the scene says.
+    /// Image width in pixels, from the scene.
     pub width: u32,
-    /// Rows.
+    /// Image height in pixels.
     pub height: u32,
-    /// Layers that passes have beside their radiance.
+    /// The layers that passes have in addition to radiance.
     pub layers: Vec<Layer>,
-    /// First pass; zero unless the passes are part of a job that several farms share.
+    /// First pass. Not zero only if several farms share the passes of one job.
     pub first_pass: u64,
-    /// First pass that is not to be rendered: as many as there are, when the first is zero.
+    /// End of the passes, exclusive: their number if `first_pass` is zero.
     pub passes: u64,
-    /// One block in so many, chosen at random, is rendered again by another worker and compared; 0: none.
+    /// One block in `audit_every`, chosen at random, is rendered again by another worker and compared; 0: none.
     pub audit_every: u64,
 }
 
-/// How quickly the loss of a worker is noticed when its connection does not break.
+/// How quickly a lost worker is noticed when its connection does not break.
 ///
-/// A worker whose attempt failed gets nothing for a tenth of a heartbeat, twice as long after the next failure, and so
-/// on up to 6.4 heartbeats; one whose lease ran out for the length of a lease, and so on up to 64 of them.
+/// A worker whose attempt failed gets nothing for a tenth of a heartbeat. The time doubles with each further failure,
+/// up to 6.4 heartbeats. After an expired lease it is the length of a lease, which doubles up to 64 lengths.
 #[derive(Clone, Copy, Debug)]
 pub struct Timing {
     /// Time between heartbeats.
     pub heartbeat: Duration,
-    /// A lease ends this long after its last heartbeat: several of them, as machines under load are late.
+    /// A lease ends this long after its last heartbeat. It lasts several heartbeats, as loaded machines are late.
     pub lease: Duration,
 }
 
@@ -88,7 +88,7 @@ impl Default for Timing {
     }
 }
 
-/// What changes with each call, but for the images.
+/// What changes with each call, except the images.
 struct State {
     ledger: Ledger,
     progress: Progress,
@@ -97,12 +97,12 @@ struct State {
     plausible: Plausible,
 }
 
-/// Time in which no passes were handed out because somebody wanted so.
+/// Time during which the job was paused.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pauses {
-    /// Of pauses that are over.
+    /// Total length of finished pauses.
     over: Duration,
-    /// When the one that is not began.
+    /// Start of the current pause.
     since: Option<Duration>,
 }
 
@@ -119,7 +119,7 @@ impl Pauses {
     }
 }
 
-/// A job in the making.
+/// A job in progress.
 pub struct Farm {
     job: Job,
     schedule: Schedule,
@@ -130,20 +130,20 @@ pub struct Farm {
     sum: Mutex<TreeSum>,
     target: Option<Target>,
     tested: Mutex<Tested>,
-    /// Time that earlier coordinators of the job took.
+    /// Time that earlier coordinators spent on the job.
     before: Duration,
-    /// Told whenever a pass becomes open again, or nothing more will.
+    /// Notified when a pass becomes open again, and when nothing more will.
     opened: Notify,
     end: watch::Sender<Option<End>>,
     entries: Option<mpsc::UnboundedSender<Entry>>,
-    /// Registrations that are refused.
+    /// Limits log lines about refused registrations.
     unwelcome: Rarely,
-    /// Those of workers that do not offer its engine.
+    /// Limits log lines about workers without the job's engine.
     unable: Rarely,
 }
 
 impl Farm {
-    /// A farm for this job. Time starts now.
+    /// A farm for this job. Its clock starts now.
     pub fn new(spec: JobSpec, timing: Timing, start: Start) -> Arc<Self> {
         let job = Job {
             scene: spec.bundle.hash(),
@@ -178,7 +178,7 @@ impl Farm {
                 .with_fence(0)
         };
         let sum = start.sum.unwrap_or_else(empty);
-        // What the sum does not hold is rendered again.
+        // What the sum does not contain is rendered again.
         let held = start.done.iter().filter(|done| covers(&sum, done.block));
         ledger.resume(held.map(|done| {
             let by = (&done.worker, done.hash);
@@ -243,18 +243,18 @@ impl Farm {
         self.timing
     }
 
-    /// Time since it began in which it was paused.
+    /// How long the job has been paused since it started.
     pub fn paused_for(&self) -> Duration {
         let now = self.now();
         self.state().pauses.until(now)
     }
 
-    /// Time that earlier coordinators of the job took.
+    /// Time that earlier coordinators spent on the job.
     pub fn before(&self) -> Duration {
         self.before
     }
 
-    /// Where the job stands.
+    /// How far the job is.
     pub fn progress(&self) -> Progress {
         let now = self.now();
         let state = self.state();
@@ -271,22 +271,22 @@ impl Farm {
         }
     }
 
-    /// Blocks that are there, in the order of their passes.
+    /// Blocks that are done, in pass order.
     pub fn blocks(&self) -> Vec<Done> {
         self.state().ledger.blocks().copied().collect()
     }
 
-    /// Hash of a block that is there: its [`beamfarm_image::exr::node_hash`].
+    /// Hash of a block that is done: its [`beamfarm_image::exr::node_hash`].
     pub fn block_hash(&self, block: Block) -> Option<PixelHash> {
         self.state().ledger.block_hash(block)
     }
 
-    /// What happened lately, from the event of this number on.
+    /// Recent events, from number `since` on.
     pub fn events(&self, since: u64) -> Vec<Event> {
         self.state().events.since(since)
     }
 
-    /// Give no more passes away, or do so again. What is being rendered comes in.
+    /// Pause or resume handing out passes. Passes that are being rendered still count.
     pub fn pause(&self, paused: bool) {
         let now = self.now();
         let mut state = self.state();
@@ -303,7 +303,7 @@ impl Farm {
         self.opened.notify_waiters();
     }
 
-    /// Ask for more passes, so many in all, while the job is not over.
+    /// Raise the total number of passes to `passes` while the job is not over.
     pub fn extend(&self, passes: u64) -> Result<(), ExtendError> {
         let mut state = self.state();
         if self.end.borrow().is_some() || state.ledger.failed().is_some() {
@@ -325,7 +325,7 @@ impl Farm {
         Ok(())
     }
 
-    /// End the job with what is there.
+    /// End the job with the passes that are done.
     pub fn stop(&self) {
         self.finish(End::Stopped);
     }
@@ -343,10 +343,10 @@ impl Farm {
         ended.ok().and_then(|end| end.clone()).unwrap_or(End::Stopped)
     }
 
-    /// Resolves when no worker is left: each has hung up or signed off.
+    /// Resolves when no worker is left: all have hung up or signed off.
     pub(crate) async fn deserted(&self) {
         loop {
-            // Before the look at the ledger, so that no news slips in between.
+            // Before reading the ledger, so that no news slips in between.
             let changed = self.opened.notified();
             if !self.state().ledger.has_company() {
                 return;
@@ -355,8 +355,7 @@ impl Farm {
         }
     }
 
-    /// End the leases that have run out, and the job if nobody is left to wait for. To be called about once a
-    /// heartbeat.
+    /// End expired leases, and the job if there is nobody left to wait for. Call it about once per heartbeat.
     pub fn expire(&self) {
         let now = self.now();
         let mut state = self.state();
@@ -381,24 +380,24 @@ impl Farm {
     }
 }
 
-/// Why a job cannot have so many passes.
+/// Why a job cannot have this number of passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ExtendError {
-    /// It is.
+    /// The job is over.
     #[error("the job is over")]
     Over,
-    /// Some may have been rendered.
+    /// The job already has more; some of those may have been rendered.
     #[error("the job has {limit} passes already; expected more")]
     Fewer {
-        /// What it has.
+        /// The number it has.
         limit: u64,
     },
-    /// Counts beyond are not exact.
+    /// Larger counts are not exact.
     #[error("expected at most {MAX_PASSES} passes")]
     TooMany,
 }
 
-/// All of the block's passes are part of the sum.
+/// Whether all of the block's passes are in the sum.
 fn covers(sum: &TreeSum, block: Block) -> bool {
     let mut nodes = sum.nodes().map(|node| node.block.passes());
     nodes.any(|node| node.start <= block.start() && block.passes().end <= node.end)

@@ -1,4 +1,4 @@
-//! Where a job stands.
+//! How far a job is.
 
 use crate::ledger::{Failure, WorkerView};
 use beamfarm_image::job::PassStats;
@@ -7,46 +7,45 @@ use std::time::Duration;
 /// How a job ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum End {
-    /// All passes are there.
+    /// All passes are done.
     Complete,
     /// Someone called [`super::Farm::stop`].
     Stopped,
-    /// A pass could not be rendered; those before it are there.
+    /// A pass could not be rendered; those before it are done.
     Failed(Failure),
 }
 
-/// A worker that wanted to register and does not offer the job's engine.
+/// A worker without the job's engine that tried to register.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unable {
-    /// What it calls itself. Comes from outside.
+    /// The name it gives itself. Comes from outside.
     pub name: String,
-    /// Why it does not, in its words.
+    /// Its own reason why it lacks the engine.
     pub reason: String,
-    /// How often it came.
+    /// How often it tried.
     pub times: u64,
 }
 
-/// Where a job stands.
+/// How far a job is.
 #[derive(Clone, Debug, Default)]
 pub struct Progress {
-    /// Passes [first pass, prefix) are complete: what an image can be made of when the first is zero.
+    /// Passes [first pass, prefix) are complete. If the first pass is zero, the image is made of them.
     pub prefix: u64,
-    /// Passes that counted, with those beyond a gap.
+    /// Passes that count, including those beyond a gap.
     pub passes: u64,
-    /// First pass that the job will not have.
+    /// End of the job's passes, exclusive.
     pub limit: u64,
-    /// Nobody is given passes at the moment.
+    /// Whether the job is paused.
     pub paused: bool,
-    /// Time since the job began in which it was.
+    /// How long the job has been paused since it started.
     pub paused_for: Duration,
-    /// Workers with a connection.
+    /// Workers that are connected.
     pub workers: u32,
-    /// Workers that ever registered.
+    /// Workers that have ever registered.
     pub registered: u32,
-    /// Counters, over all passes that counted.
+    /// Statistics over all passes that count.
     pub stats: PassStats,
-    /// Deliveries of a block that was there already, with the same bits, and which nobody had asked to be rendered
-    /// again.
+    /// Repeated deliveries of a block with the same bits that were not requested as checks.
     pub duplicates: u64,
     /// Deliveries that were refused.
     pub refused: u64,
@@ -54,17 +53,17 @@ pub struct Progress {
     pub failures: u64,
     /// Leases that ended without a result.
     pub lost_leases: u64,
-    /// Blocks whose bits are in dispute: delivered twice with different bits, and nobody has decided yet who is right.
-    /// Any at the end is one too many.
+    /// Blocks whose bits are in dispute: two workers delivered different bits, and no third has decided. None should be
+    /// left at the end.
     pub divergent: u64,
     /// Blocks that another worker rendered again with the same bits.
     pub audits: u64,
-    /// Blocks that shall be rendered again and were not yet.
+    /// Blocks that are still to be rendered again as a check.
     pub audits_pending: u64,
-    /// Passes that counted and do so no more, because of who rendered them. Rendered again meanwhile, or soon.
+    /// Passes that were taken back because of their worker. They have been or will be rendered again.
     pub dropped: u64,
-    /// Workers, in the order of their registration; of those that are gone, the last few hundred.
+    /// Workers in order of registration; of those that are gone, the last few hundred.
     pub workers_seen: Vec<WorkerView>,
-    /// The last of those that do not offer the job's engine.
+    /// The most recent workers without the job's engine.
     pub unable: Vec<Unable>,
 }

@@ -1,4 +1,4 @@
-//! What follows from a change of the state.
+//! What follows from a change of the job's state.
 
 use super::{End, Entry, EntryState, EventKind, Farm, State};
 use crate::ledger::{Failure, Note, PixelHash};
@@ -35,7 +35,7 @@ impl Farm {
         });
     }
 
-    /// Do what follows from the last change: take back what must not count, tell who watches, end the job.
+    /// Act on the last change: take back what must not count, tell those who watch, end the job.
     pub(super) fn settle(&self) {
         let mut state = self.state();
         for note in state.ledger.take_notes() {
@@ -51,7 +51,7 @@ impl Farm {
         if stained {
             self.take_back();
         } else if let Some(end) = end {
-            // A block is in the ledger a moment before it is in the sum.
+            // A block is in the ledger a moment before it is in the sum: wait for the sum's lock.
             drop(self.sum());
             self.finish(end);
         }
@@ -83,7 +83,7 @@ impl Farm {
             state.events.push(EventKind::Dropped, text);
         }
         drop(state);
-        // What was found good enough may be gone.
+        // The prefix that met the target may have lost passes.
         self.look();
         self.opened.notify_waiters();
     }
@@ -127,7 +127,7 @@ impl Farm {
             }
         };
         state.events.push(kind, text);
-        // Those that wait may be wanted as judges.
+        // Waiting workers may be needed as judges.
         self.opened.notify_waiters();
     }
 

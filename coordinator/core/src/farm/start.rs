@@ -1,4 +1,4 @@
-//! What a job begins with, and what it tells whoever keeps its ledger file.
+//! What a job starts with, and the entries for its ledger file.
 
 use super::Target;
 use crate::ledger::{PixelHash, Who};
@@ -7,40 +7,39 @@ use beamfarm_image::merge::{Errors, TreeSum};
 use std::time::{Duration, SystemTime};
 use tokio::sync::mpsc;
 
-/// What a job begins with: nothing, for a new one.
+/// What a job starts with: nothing, for a new one.
 #[derive(Debug, Default)]
 pub struct Start {
-    /// The sum of the passes that are there. Of the job's size and layers.
+    /// The sum of the passes that are done, with the job's size and layers.
     pub sum: Option<TreeSum>,
-    /// Blocks that were rendered in earlier lives of the job. Those that are not part of the sum are rendered again and
-    /// compared with what they were. Where a block is named twice, with different bits, the first counts, and others
-    /// have to decide. Passes of the sum that no block of these covers count as well; nobody is found out later to have
-    /// rendered them wrong.
+    /// Blocks that earlier runs of the job rendered. Those that are not in the sum are rendered again and compared. If
+    /// a block is listed twice with different bits, the first counts and other workers decide. Passes in the sum that
+    /// none of these blocks covers count as well, but nobody can later be convicted for them.
     pub done: Vec<DoneBlock>,
-    /// Workers that earlier lives of the job shut out for wrong pixels.
+    /// Workers that earlier runs of the job shut out for wrong pixels.
     pub convicted: Vec<Who>,
-    /// When the image is good enough; `None`: only when all passes are there.
+    /// When the image is good enough; `None`: only when all passes are done.
     pub target: Option<Target>,
-    /// Prefixes that were looked at, and their errors.
+    /// Prefixes that were tested, with their errors.
     pub tested: Vec<(u64, Errors)>,
-    /// Counters of the passes of the sum.
+    /// Statistics of the passes in the sum.
     pub stats: PassStats,
-    /// Time that the job has taken until now.
+    /// Time spent on the job until now.
     pub before: Duration,
-    /// Who is told what becomes of blocks. Unbounded, as nothing of it may be lost; an entry takes some hundred bytes.
+    /// Receives what becomes of blocks. Unbounded, as nothing may be lost; an entry takes a few hundred bytes.
     pub entries: Option<mpsc::UnboundedSender<Entry>>,
 }
 
-/// A block that an earlier life of the job took in.
+/// A block that an earlier run of the job accepted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DoneBlock {
-    /// Which passes.
+    /// Its passes.
     pub block: Block,
     /// Hash of its pixels.
     pub hash: PixelHash,
     /// The worker that rendered it.
     pub worker: Who,
-    /// Whether another worker had confirmed it.
+    /// Whether another worker confirmed it.
     pub audited: bool,
 }
 
@@ -49,18 +48,18 @@ pub struct DoneBlock {
 pub enum EntryState {
     /// It counts.
     Done,
-    /// An attempt at it failed.
+    /// An attempt to render it failed.
     Failed,
     /// Another worker rendered it again, with the same bits.
     Audited,
-    /// It counted and does so no more, because its worker is not to be trusted; it will be rendered again.
+    /// It counted and was taken back because its worker is not trusted; it will be rendered again.
     Dropped,
-    /// Nothing became of this block, which is any: its worker is shut out for wrong pixels.
+    /// A worker was shut out for wrong pixels; the entry's block has no meaning.
     ShutOut,
 }
 
 impl EntryState {
-    /// As the ledger file has it.
+    /// The word in the ledger file.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Done => "done",
@@ -83,12 +82,12 @@ pub struct Entry {
     pub state: EntryState,
     /// The worker that rendered, failed or confirmed it.
     pub worker: Who,
-    /// Radius scale of its first pass.
+    /// Radius scale of the block's first pass.
     pub radius_scale: f64,
     /// Hash of its pixels; `None` for a failure.
     pub hash: Option<PixelHash>,
     /// Time between lease and result. Zero when dropped.
     pub took: Duration,
-    /// What a failing worker said, or why one is shut out.
+    /// What the failing worker reported, or why a worker is shut out.
     pub message: Option<String>,
 }

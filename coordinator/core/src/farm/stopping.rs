@@ -1,8 +1,8 @@
 //! When the image is good enough.
 //!
-//! The error is only looked at where [`beamfarm_image::merge::next_boundary`] says so: at prefixes of 2, 3, 4, 6, 8,
-//! 12, ... passes, each for itself and in their order, whatever came in meanwhile. So the same scene and seed end with
-//! the same pass on any farm, and the chance to stop too early by luck is taken few times.
+//! The error is tested only where [`beamfarm_image::merge::next_boundary`] says so: at prefixes of 2, 3, 4, 6, 8, 12,
+//! ... passes, each separately and in order, whatever has arrived meanwhile. The same scene and seed therefore end with
+//! the same pass on any farm, and few tests mean few chances to stop too early by luck.
 
 use super::Farm;
 use beamfarm_image::merge::{Average, Errors};
@@ -14,7 +14,7 @@ use tracing::{debug, info};
 pub struct Target {
     /// Relative standard error, as a fraction.
     pub error: f64,
-    /// Of which percentile of the image's blocks; `None`: of the image as a whole.
+    /// The percentile of the image's blocks that it applies to; `None`: the image as a whole.
     pub percentile: Option<u32>,
 }
 
@@ -25,11 +25,11 @@ impl Target {
     }
 }
 
-/// What is known of the prefixes that were looked at.
+/// The prefixes that were tested.
 #[derive(Debug, Default)]
 pub(super) struct Tested {
     errors: Vec<(u64, Errors)>,
-    /// The prefix that is good enough, and the passes that were asked for.
+    /// The prefix that met the target, and the number of passes that had been requested.
     stopped_at: Option<(u64, u64)>,
 }
 
@@ -47,8 +47,8 @@ impl Tested {
 }
 
 impl Farm {
-    /// Look at the boundaries that the prefix has reached. Takes as long as a few copies of the image when there is
-    /// one: not for a thread that serves others.
+    /// Test the boundaries that the prefix has reached. A test takes as long as a few copies of the image: do not call
+    /// it from a thread that serves others.
     pub(super) fn look(&self) {
         self.look_at(&mut self.tested());
     }
@@ -58,7 +58,7 @@ impl Farm {
             if self.sum().fence() == Some(passes) {
                 return;
             }
-            // A worker whose passes were among them is not to be trusted.
+            // Passes of a worker that is no longer trusted were taken out of the prefix.
             tested.stopped_at = None;
             self.state().ledger.set_limit(asked);
             self.opened.notify_waiters();
@@ -91,11 +91,11 @@ impl Farm {
         }
     }
 
-    /// The average of what the image is made of: the complete prefix, or the one that was good enough. Nothing before
-    /// the first pass is there. Takes as long as a few copies of the image.
+    /// The average for the image: of the complete prefix, or of the one that met the target. Contains nothing before
+    /// the first pass. Takes as long as a few copies of the image.
     pub fn average(&self) -> Option<Average> {
         let mut tested = self.tested();
-        // The job may end while somebody else is about to look.
+        // The job may end while another thread is about to test.
         self.look_at(&mut tested);
         let stopped_at = tested.stopped_at;
         let sum = self.sum().clone();
@@ -106,7 +106,7 @@ impl Farm {
         }
     }
 
-    /// The prefix at which the error was small enough.
+    /// The prefix at which the error met the target.
     pub fn stopped_at(&self) -> Option<u64> {
         self.tested().stopped_at.map(|(passes, _)| passes)
     }

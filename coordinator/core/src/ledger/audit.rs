@@ -1,10 +1,10 @@
 //! Blocks that several workers render, and what follows when their bits differ.
 //!
 //! A block is checked because it is one of a worker's first, because it was drawn, because it looks unlike others, or
-//! because it happened to be rendered twice. Blocks of devices are checked by those of other makers where there are.
-//! When two workers disagree, others render it until two agree; all that do not are shut out. What they delivered and
-//! nobody confirmed is taken back: the caller removes it from the sum ([`Ledger::stained`]), tells what went with it
-//! ([`Ledger::reopen`]), and it is rendered again.
+//! because it happened to be rendered twice. Blocks from devices are checked on devices of other makers where possible.
+//! When two workers disagree, others render the block until two agree; every worker that differs is shut out. What it
+//! delivered and nobody confirmed is taken back: the caller removes it from the sum ([`Ledger::stained`]) and reports
+//! what went with it ([`Ledger::reopen`]), and it is rendered again.
 
 use super::standing::{Likeness, Sentence, Worker};
 use super::{Accepted, Done, Lease, Ledger, LedgerError, Note, PixelHash};
@@ -13,21 +13,21 @@ use beamfarm_proto::{Fingerprint, WorkerId};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-/// The first blocks of a worker, which are all checked: a worker that lies from its first pass on is found before a job
-/// ends, however short it is. One that begins later is found with 1 - (1 - 1 / [`super::Rules::audit_every`])^n after n
-/// lies.
+/// A worker's first blocks are all checked, so that a worker that lies from its first pass on is found before even a
+/// short job ends. One that starts lying later is found with probability 1 - (1 - 1 / [`super::Rules::audit_every`])^n
+/// after n lies.
 const TRIAL: u32 = 2;
 
-/// A block that shall be rendered again.
+/// A block that is to be rendered again.
 #[derive(Clone, Debug)]
 pub(super) struct Audit {
-    /// What workers found, those whose pixels count first.
+    /// Results so far; the first is the one whose pixels count.
     pub votes: Vec<(WorkerId, PixelHash)>,
     /// Workers that failed to render it.
     pub unable: BTreeSet<WorkerId>,
-    /// Workers that had it to render, and did not: they kept it for too long, or gave it back.
+    /// Workers that had it to render and did not: they kept it too long or gave it back.
     pub unwilling: BTreeSet<WorkerId>,
-    /// When it was drawn, or the dispute began.
+    /// When the block was drawn, or the dispute began.
     since: Duration,
 }
 
@@ -41,19 +41,19 @@ impl Audit {
         }
     }
 
-    /// Two workers disagree.
+    /// Whether two workers disagree.
     fn is_disputed(&self) -> bool {
         self.votes.windows(2).any(|votes| votes[0].1 != votes[1].1)
     }
 
-    /// The worker can say something new, and would. Who failed to render it may try again only where others do not
-    /// agree.
+    /// Whether the worker can add a vote and would. One that failed to render the block may try again only if others
+    /// disagree.
     fn may_judge(&self, worker: WorkerId) -> bool {
         let would = !self.unwilling.contains(&worker) && (self.is_disputed() || !self.unable.contains(&worker));
         would && self.votes.iter().all(|(voter, _)| *voter != worker)
     }
 
-    /// Pixels that two workers found.
+    /// The pixels that two workers found, if any.
     fn verdict(&self) -> Option<PixelHash> {
         let found = |hash: &PixelHash| self.votes.iter().filter(|(_, h)| h == hash).count();
         let twice = self.votes.iter().find(|(_, hash)| found(hash) > 1);
@@ -62,7 +62,7 @@ impl Audit {
 }
 
 impl Ledger {
-    /// Whether this block of the worker, which has just come, is one of its first.
+    /// Whether this block, which has just arrived, is one of the worker's first.
     pub(super) fn is_tried(&mut self, worker: WorkerId) -> bool {
         if self.rules.audit_every == 0 {
             return false;
@@ -90,7 +90,7 @@ impl Ledger {
         number.is_multiple_of(every)
     }
 
-    /// Have this block that counts checked, because it looks unlike others.
+    /// Have a block that counts checked, because it looks unlike others.
     pub fn suspect(&mut self, block: Block, now: Duration) {
         let known = self.done.get(&block.start());
         let known = known.filter(|done| done.block == block && !done.confirmed);
@@ -102,7 +102,7 @@ impl Ledger {
         }
     }
 
-    /// A block that this worker may check, disputed ones first, then those of devices that are least like its own.
+    /// A block that this worker may check: disputed ones first, then those from devices least like its own.
     pub(super) fn audit_for(&self, worker: WorkerId, now: Duration) -> Option<Block> {
         let (checks, has_devices) = (self.checks(), self.has_devices());
         let disputed = |audit: &Audit| audit.is_disputed();
@@ -115,8 +115,8 @@ impl Ledger {
         first.map(|(block, _)| *block)
     }
 
-    /// Blocks that others check and that this worker could check as well, with the time from which on they take long
-    /// for it.
+    /// Blocks that others are checking and that this worker could check too, each with the time from which on it is
+    /// late.
     pub(super) fn late_audits(&self, worker: WorkerId) -> Vec<(Duration, Block)> {
         let pass = self.seconds_per_pass();
         let checks = self.checks().into_iter();
@@ -140,19 +140,19 @@ impl Ledger {
         checks
     }
 
-    /// Where there are none, all workers are alike.
+    /// Whether any worker uses a device; without, all workers are alike.
     fn has_devices(&self) -> bool {
         self.workers.values().any(|worker| worker.device.is_some())
     }
 
-    /// How alike the devices are of this worker and of that whose pixels count.
+    /// How alike this worker's device is to that of the worker whose pixels count.
     fn likeness(&self, audit: &Audit, worker: WorkerId) -> Likeness {
         let first = audit.votes.first().and_then(|(first, _)| self.workers.get(first));
         let likeness = first.zip(self.workers.get(&worker)).map(|(a, b)| a.likeness(b));
         likeness.unwrap_or(Likeness::Alike)
     }
 
-    /// Somebody is there whose device is less like that which is to be checked, and shall do it. For some time: it may
+    /// Whether a worker is present whose device differs more and which shall check the block. Limited in time: it may
     /// be slow.
     fn is_left_to_others(&self, audit: &Audit, worker: WorkerId, now: Duration) -> bool {
         let own = self.likeness(audit, worker);
@@ -165,12 +165,12 @@ impl Ledger {
         })
     }
 
-    /// Whether somebody else shall render the block again.
+    /// Whether another worker shall render the block again.
     pub fn is_to_be_checked(&self, block: Block) -> bool {
         self.audits.contains_key(&block)
     }
 
-    /// Nothing is left to do: all passes are there, and those that somebody could check are checked.
+    /// Whether nothing is left to do: all passes are done, and all blocks that somebody could check are checked.
     pub fn is_over(&self, now: Duration) -> bool {
         if !self.is_complete() {
             return false;
@@ -181,27 +181,27 @@ impl Ledger {
             let judges = self.workers.iter();
             let mut judges = judges.filter(|(_, worker)| self.is_worth_waiting(worker, has_time, now));
             let judge = judges.any(|(id, _)| self.may_judge(audit, *id));
-            // Somebody may still come and decide.
+            // A judge may still come.
             let may_come = audit.is_disputed() && now < audit.since + self.rules.lease;
             judge || may_come || (has_time && self.may_call())
         };
         !self.wanted().any(|(block, audit)| waits(*block, audit))
     }
 
-    /// Those of blocks that the job will have.
+    /// The audits of blocks that the job still needs.
     fn wanted(&self) -> impl Iterator<Item = (&Block, &Audit)> {
         let limit = self.limit();
         let audits = self.audits.iter();
         audits.filter(move |(block, _)| block.start() < limit)
     }
 
-    /// Blocks that shall be rendered again and were not yet, and how many of them are disputed.
+    /// The number of pending audits, and how many of them are disputed.
     pub fn audits_pending(&self) -> (u64, u64) {
         let disputed = self.wanted().filter(|(_, audit)| audit.is_disputed());
         (self.wanted().count() as u64, disputed.count() as u64)
     }
 
-    /// A block that is there was delivered again.
+    /// Compare a repeated delivery with the block that counts.
     pub(super) fn compare(
         &mut self,
         worker: WorkerId,
@@ -225,7 +225,7 @@ impl Ledger {
         }
         let same = |(voter, before): &(WorkerId, PixelHash)| *before == pixels && self.was_earlier(*voter, worker);
         if votes.iter().any(same) {
-            // Says nothing new.
+            // It adds no vote.
             return Ok(Accepted::Duplicate);
         }
         if known.confirmed {
@@ -280,9 +280,9 @@ impl Ledger {
         }
     }
 
-    /// Another worker found the same pixels as this one: now its test picture counts as well. That of most such workers
-    /// is the one, and the first in a tie; those who made another one, and are not proven themselves, are shut out like
-    /// workers that were found to have delivered wrong pixels.
+    /// Another worker found the same pixels as this one, so its test picture counts as well. The picture of most proven
+    /// workers is the right one; in a tie, the first. Unproven workers with a different picture are shut out, as
+    /// workers with wrong pixels are.
     fn prove(&mut self, worker: WorkerId) {
         let Some(entry) = self.workers.get_mut(&worker) else {
             return;
@@ -307,7 +307,7 @@ impl Ledger {
         }
     }
 
-    /// The first is what an earlier life of the job knew of the second.
+    /// Whether `earlier` is the record of `worker` from an earlier run of the job.
     fn was_earlier(&self, earlier: WorkerId, worker: WorkerId) -> bool {
         if self.earlier_workers.is_empty() {
             return false;
@@ -316,14 +316,14 @@ impl Ledger {
         earlier != worker && known == Some(&earlier)
     }
 
-    /// The worker can say something new: it is none of those that did, not even under another number.
+    /// Whether the worker can add a vote: it has not voted, not even under another number.
     fn may_judge(&self, audit: &Audit, worker: WorkerId) -> bool {
         let mut voters = audit.votes.iter();
         audit.may_judge(worker) && !voters.any(|(voter, _)| self.was_earlier(*voter, worker))
     }
 
-    /// A block that was rendered once more because an earlier life of the job had lost it counts, but when it is
-    /// another one than it was, others have to decide.
+    /// A block was rendered again because an earlier run of the job had lost it. It counts; if its pixels differ from
+    /// the earlier ones, others have to decide.
     pub(super) fn compare_with_earlier(&mut self, block: Block, vote: (WorkerId, PixelHash), now: Duration) {
         let lost = self.earlier.range(..block.passes().end).rev();
         let overlapping = lost.take_while(|(_, (lost, _))| lost.passes().end > block.start());
@@ -338,7 +338,7 @@ impl Ledger {
         }
     }
 
-    /// Others have to decide if one of these earlier votes is another one than that which counts.
+    /// Others have to decide if one of these earlier votes differs from the one that counts.
     pub(super) fn dispute(
         &mut self,
         block: Block,
@@ -355,13 +355,13 @@ impl Ledger {
         self.audits.insert(block, audit);
     }
 
-    /// The worker is not to be trusted: shut it out, and mark what it did and nobody confirmed.
+    /// Shut out a worker that is not trusted, and mark its blocks that nobody confirmed.
     pub(super) fn convict(&mut self, worker: WorkerId, sentence: Sentence) {
         if let Some(entry) = self.workers.get_mut(&worker) {
             entry.audits_failed += 1;
         }
         self.shut_out(worker, sentence);
-        // And by whatever number else it is here.
+        // And under any other number that it has here.
         let key = self.workers.get(&worker).and_then(|entry| entry.who.key);
         if let Some(key) = key.filter(|_| sentence.is_conviction()) {
             self.convict_key(key);
@@ -379,7 +379,7 @@ impl Ledger {
         });
     }
 
-    /// Whoever has this key delivered wrong pixels, here or for another job.
+    /// The owner of this key delivered wrong pixels, here or for another job.
     pub fn convict_key(&mut self, key: Fingerprint) {
         let own = self
             .workers
@@ -391,13 +391,13 @@ impl Ledger {
         }
     }
 
-    /// Blocks that still count and must not: to be taken out of the sum, and then to be named to [`Self::reopen`].
+    /// Blocks that still count but must not. Take them out of the sum, then pass them to [`Self::reopen`].
     pub fn stained(&self) -> &[Block] {
         &self.stained
     }
 
-    /// These blocks are no longer part of the sum, with all that they cover: their passes are open again. Returns what
-    /// counted until now.
+    /// These blocks are no longer part of the sum: all passes that they cover are open again. Returns what counted
+    /// until now.
     pub fn reopen(&mut self, blocks: &[Block]) -> Vec<Done> {
         let mut dropped = Vec::new();
         for block in blocks {

@@ -1,15 +1,14 @@
-//! Who works for any of a coordinator's jobs. A job whose blocks are to be checked can have those as judges who were
-//! never there.
+//! The workers of all jobs of a coordinator. A job can call workers from other jobs to check its blocks.
 
 use beamfarm_proto::Fingerprint;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Workers that are remembered; of more, those that were seen last.
+/// The most workers remembered; the most recently seen are kept.
 const WORKERS: usize = 16384;
 
-/// By what workers are known, and when they were last heard of.
+/// Workers by fingerprint, with the time when they were last heard of.
 #[derive(Debug, Default)]
 pub struct Crew {
     seen: Mutex<BTreeMap<Fingerprint, Instant>>,
@@ -28,12 +27,12 @@ impl Crew {
         }
     }
 
-    /// It has signed off.
+    /// The worker signed off.
     pub fn left(&self, worker: Fingerprint) {
         self.workers().remove(&worker);
     }
 
-    /// Whether one like this was heard of within the last while.
+    /// Whether a worker that meets `is_it` was heard of within this time.
     pub fn has(&self, within: Duration, is_it: impl Fn(&Fingerprint) -> bool) -> bool {
         let seen = self.workers();
         let mut there = seen.iter().filter(|(_, time)| time.elapsed() < within);

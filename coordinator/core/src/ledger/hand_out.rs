@@ -9,23 +9,23 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::time::Duration;
 
-/// A lease is a straggler when it has run for so many times the average of others, and its first copy when it has run
-/// for as many times that, and so on.
+/// A lease is a straggler when it has run for this many times the usual time. Each further copy multiplies the time
+/// again.
 const STRAGGLER: f64 = 2.0;
-/// Leases of one block at the same time.
+/// The most leases of one block at a time.
 const COPIES: usize = 8;
-/// Leases of one worker at the same time. It renders one block, has the next at hand and the one before on its way.
+/// The most leases of one worker. It renders one block, has the next ready and the previous on its way.
 const HELD: usize = 16;
 
-/// Of what others take long for, what is due first.
+/// Of late blocks, the one that is due first.
 fn due(late: impl IntoIterator<Item = (Duration, Block)>, now: Duration) -> Option<Block> {
     let late = late.into_iter().filter(|(due, _)| *due <= now);
     late.min().map(|(_, block)| block)
 }
 
 impl Ledger {
-    /// The next block for this worker, if there is one: something to be checked, the lowest open passes, or what others
-    /// take long for.
+    /// The next block for this worker, if any: one to check, the lowest open passes, or one that another worker is late
+    /// with.
     pub fn lease(&mut self, worker: WorkerId, now: Duration) -> Result<Grant, LedgerError> {
         let entry = self.admitted(worker)?;
         entry.seen(now);
@@ -54,12 +54,12 @@ impl Ledger {
         })
     }
 
-    /// Blocks that this worker, or one that is yet to come, would be given now, as far as they can be counted: at most
-    /// so many. `is_idle`: it has nothing else to do, so that what others take long for counts.
+    /// Blocks that this worker, or a new one for `None`, would be given now, as far as they can be counted, as an upper
+    /// bound. `is_idle`: it has nothing else to do, so that late blocks count too.
     pub fn openings(&self, worker: Option<WorkerId>, is_idle: bool, now: Duration) -> u64 {
         let known = worker.and_then(|worker| self.workers.get(&worker));
         let waits = known.is_some_and(|known| known.shut_out.is_some() || known.not_before > now);
-        // One that no worker has.
+        // A number that no worker has.
         let worker = worker.unwrap_or(WorkerId(u64::MAX));
         if self.is_over(now) || waits || self.has_enough(worker) {
             return 0;
@@ -78,13 +78,13 @@ impl Ledger {
         open + again.iter().flatten().count() as u64
     }
 
-    /// The worker holds as many leases as one may.
+    /// Whether the worker holds as many leases as it may.
     fn has_enough(&self, worker: WorkerId) -> bool {
         let leases = self.active.iter().map(|id| &self.leases[id.0 as usize]);
         leases.filter(|lease| lease.worker == worker).count() >= HELD
     }
 
-    /// Lease this very block: the worker has it, or is rendering it, from before the coordinator was restarted.
+    /// Lease this block: the worker has it or is rendering it, from before the coordinator was restarted.
     pub fn claim(&mut self, worker: WorkerId, block: Block, now: Duration) -> Option<LeaseId> {
         let fits = block.level <= level::highest_at(block.start());
         let open = fits && self.open.contains(&block.passes());
@@ -117,7 +117,7 @@ impl Ledger {
         for Range { mut start, end } in self.open.iter() {
             while start < end {
                 if !self.attempts.contains_key(&start) {
-                    // Passes that failed are tried on their own.
+                    // Failed passes are tried individually.
                     let next = self.attempts.range(start..end).next();
                     let end = next.map_or(end, |(pass, _)| *pass);
                     return Some(self.first_block(start..end, open, &load));
@@ -131,7 +131,7 @@ impl Ledger {
         None
     }
 
-    /// Whether the worker has not had this pass, if it failed, or all others have that are worth waiting for.
+    /// Whether the worker may try this pass: it has not had it, or every other worker worth waiting for has.
     fn may_try(&self, worker: WorkerId, pass_index: u64, tempo: Tempo) -> bool {
         let Some(attempts) = self
             .attempts
@@ -145,7 +145,7 @@ impl Ledger {
         !others.any(|(_, other)| self.is_worth_waiting(other, has_time, tempo.now))
     }
 
-    /// The first block of these open passes: one that an earlier life of the job lost, as it was, so that it can be
+    /// The first block of this range. A block that an earlier run of the job lost keeps its extent, so that it can be
     /// compared.
     fn first_block(&self, range: Range<u64>, open: u64, load: &Load) -> Block {
         let lost = self.earlier.range(range.clone()).next();
@@ -162,7 +162,7 @@ impl Ledger {
         level::first_block(&(range.start..end), open, load)
     }
 
-    /// For this worker. One of which nothing is known yet is as quick as the others are in the mean.
+    /// The load for this worker. If its time per pass is unknown, the mean is used.
     fn load(&self, worker: WorkerId, now: Duration) -> Load {
         let mean = self.seconds_per_pass().unwrap_or(0.0);
         let pass = |worker: &Worker| worker.seconds_per_pass.unwrap_or(mean);
@@ -173,7 +173,7 @@ impl Ledger {
             .collect();
         let known = self.workers.get(&worker);
         let own = known.map_or(mean, pass);
-        // What all do in the time in which this one does a pass.
+        // Passes that all workers render in the time in which this one renders one.
         let all: f64 = present.iter().map(|pass| own / pass).sum();
         Load {
             workers: present.len() as u64,
@@ -188,16 +188,16 @@ impl Ledger {
         }
     }
 
-    /// Average of the workers that have rendered something and are not gone.
+    /// Mean over the workers that have rendered something and are not gone.
     pub(super) fn seconds_per_pass(&self) -> Option<f64> {
         let there = self.workers.values().filter(|worker| !worker.gone);
         let times: Vec<f64> = there.filter_map(|worker| worker.seconds_per_pass).collect();
         (!times.is_empty()).then(|| times.iter().sum::<f64>() / times.len() as f64)
     }
 
-    /// Leases that this worker could take over, with the time from which on each is a straggler.
+    /// Blocks that this worker could take over, each with the time from which on it is late.
     fn stragglers(&self, worker: WorkerId, now: Duration) -> Vec<(Duration, Block)> {
-        // When it was first leased, how often it is, and whether this worker may have it.
+        // When the block was first leased, how many leases it has, and whether this worker may have it.
         let mut blocks: BTreeMap<Block, (Duration, usize, bool)> = BTreeMap::new();
         let tempo = self.tempo(now);
         for LeaseId(place) in &self.active {
@@ -219,8 +219,8 @@ impl Ledger {
         due.collect()
     }
 
-    /// When a block that was first leased then, and is so often, is leased once more. `pass`: the usual time of a pass,
-    /// seconds, which takes a look at all workers.
+    /// When a block with this first lease and this number of leases is leased once more. `pass`: usual seconds per
+    /// pass, which the caller computes once, as it needs a loop over all workers.
     pub(super) fn late(&self, block: Block, begun: Duration, copies: usize, pass: Option<f64>) -> Option<Duration> {
         let long = match pass {
             Some(pass) => {
@@ -233,7 +233,7 @@ impl Ledger {
         (copies < COPIES).then_some(begun + long)
     }
 
-    /// When a worker for which there is nothing now should ask again, although nothing happens until then.
+    /// When a worker that gets nothing now should ask again, even if nothing happens until then.
     pub fn ask_again(&self, worker: WorkerId, now: Duration) -> Option<Duration> {
         let known = self.workers.get(&worker)?;
         let late = self.stragglers(worker, now).into_iter().chain(self.late_audits(worker));

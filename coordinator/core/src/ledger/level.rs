@@ -1,49 +1,48 @@
-//! How many passes a lease is of.
+//! The number of passes in a lease.
 //!
-//! With W workers that take p seconds for a pass, and a coordinator that takes a block in within q seconds, blocks of
-//! 2^l passes arrive at W / (p 2^l) a second. The level is the lowest at which that is at most half of 1 / q, with the
-//! p of the worker that asks: where some are quicker than others, each has its part of the coordinator's time.
+//! Let W workers take p seconds per pass, and let the coordinator take in a block in q seconds. Blocks of 2^l passes
+//! then arrive at W / (p 2^l) per second. The level l is the lowest at which this rate is at most half of 1 / q. p is
+//! that of the worker that asks: where speeds differ, each gets its share of the coordinator's time.
 //!
-//! l = ceil(log2(2 W q / p)), at least 0 and at most [`HIGHEST`],
+//! l = ceil(log2(2 W q / p)), at least 0 and at most [`HIGHEST`].
 //!
-//! and such that a block takes a worker no less than [`LEAST_LEASE`] where that does not need too many: messages cost
-//! both sides a millisecond or two, which small pictures take for a pass. It holds no fewer passes than the worker
-//! renders together.
+//! A block also takes the worker at least [`LEAST_LEASE`], where the level allows: messages cost both sides a
+//! millisecond or two, as much as a pass of a small picture. And it holds at least as many passes as the worker renders
+//! together.
 //!
-//! It is lowered until the block
+//! The level is then lowered until the block
 //! - is aligned and made of open passes only,
-//! - is at most half of the worker's share of what is open, by what it renders in the time of others, so that all end
-//!   at about the same time,
-//! - lies between two of the prefixes 2, 3, 4, 6, 8, 12, … (2^k and 3 2^k), at which a job may be found to be good
-//!   enough.
+//! - is at most half of the worker's share of what is open, in proportion to its speed, so that all workers end at
+//!   about the same time,
+//! - lies between two of the prefixes 2, 3, 4, 6, 8, 12, … (2^k and 3 2^k), at which a job may meet its target.
 
 use beamfarm_image::job::Block;
 use std::ops::Range;
 
 /// A lost lease costs at most 2^10 passes.
 pub(super) const HIGHEST: u32 = 10;
-/// Seconds that a lease is worth.
+/// The least seconds of work in a lease.
 const LEAST_LEASE: f64 = 0.05;
-/// Part of the coordinator's time that arriving blocks may take.
+/// The fraction of the coordinator's time that arriving blocks may take.
 const UTILISATION: f64 = 0.5;
 
 /// What the size of a block depends on.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Load {
-    /// Workers that ask for passes.
+    /// Present workers.
     pub workers: u64,
-    /// What this worker renders of all that is rendered.
+    /// This worker's fraction of all passes rendered.
     pub share: f64,
-    /// Time that it takes for a pass, seconds; zero when nothing is known.
+    /// Its seconds per pass; zero when unknown.
     pub pass: f64,
     /// Passes that it renders together.
     pub together: u64,
-    /// Time that the coordinator takes for a block, seconds; zero when nothing is known.
+    /// The coordinator's seconds per block; zero when unknown.
     pub intake: f64,
 }
 
 impl Load {
-    /// The lowest level at which the coordinator is not hurried, and a lease is worth its messages.
+    /// The lowest level at which the coordinator keeps up and a lease is worth its messages.
     pub fn level(&self) -> u32 {
         let blocks = self.workers as f64 * self.intake / (UTILISATION * self.pass);
         let least = LEAST_LEASE / self.pass;
@@ -55,13 +54,13 @@ impl Load {
     }
 }
 
-/// Highest level of blocks that begin with this pass and do not reach over a prefix at which a job may end.
+/// The highest level of a block that starts with this pass and does not cross a prefix at which a job may end.
 pub(super) fn highest_at(start: u64) -> u32 {
     let between = start.checked_ilog2().unwrap_or(0).saturating_sub(1);
     between.min(start.trailing_zeros())
 }
 
-/// The block to lease: the first of this range of open passes, of `open` in all.
+/// The block to lease: the first of this range of open passes, with `open` passes in all.
 pub(super) fn first_block(range: &Range<u64>, open: u64, load: &Load) -> Block {
     let start = range.start;
     let share = ((open as f64 * load.share / 2.0) as u64).max(1);
@@ -91,7 +90,7 @@ mod tests {
                 passes.start == start && prefixes.iter().all(|p| !(passes.start < *p && *p < passes.end))
             };
             assert!((0..=level).all(fits), "{start}");
-            // It could not be higher, but for the two passes before the first prefix.
+            // It could not be higher, except for the two passes before the first prefix.
             assert!(start < 2 || !fits(level + 1), "{start}");
         }
     }
@@ -166,7 +165,7 @@ mod tests {
         };
         let block = |load: &Load, open: u64| first_block(&(4096..4096 + open), open, load).len();
         assert_eq!([block(&quick, 1024), block(&slow, 1024)], [8, 1]);
-        // Towards the end, each by its share.
+        // Towards the end each worker gets its share.
         let hurried = |load: Load| Load { intake: 1.0, ..load };
         assert_eq!([block(&hurried(quick), 1024), block(&hurried(slow), 1024)], [256, 4]);
         let batch = Load { together: 24, ..slow };

@@ -1,10 +1,9 @@
-//! Who renders what: a state machine of leases. It has no clock, no lock and no network; whoever calls it says what
-//! time it is, as the time since the job began.
+//! Which worker renders what: a state machine of leases, without clock, lock or network. Callers pass the time since
+//! the job began.
 //!
 //! A pass is open, leased or done. Open passes are handed out lowest first, in aligned blocks, so that the prefix of
-//! passes that are done, which is all that an image may be made of, grows without gaps. What nobody is left to do but
-//! wait for is handed out a second time; as passes replay bit for bit, the first result counts and the second confirms
-//! it.
+//! done passes, which the image is made of, grows without gaps. When nothing is left but to wait for slow blocks, they
+//! are handed out a second time. Passes replay bit for bit, so the first result counts and the second confirms it.
 
 mod audit;
 mod crew;
@@ -32,66 +31,67 @@ use std::time::Duration;
 /// Hash of a delivered block: its [`beamfarm_image::exr::node_hash`].
 pub type PixelHash = [u8; 32];
 
-/// How patient and how suspicious a ledger is.
+/// How patient and how strict a ledger is.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
-    /// First pass to render.
+    /// First pass of the job.
     pub first_pass: u64,
-    /// First pass not to render.
+    /// End of the passes, exclusive.
     pub passes: u64,
-    /// A lease ends this long after it was given or last mentioned in a heartbeat.
+    /// A lease ends this long after it was given or last named in a heartbeat.
     pub lease: Duration,
-    /// The job fails when one pass failed this often, on workers that are known to render others, or on all there are.
+    /// The job fails when one pass failed this often on workers that have rendered others, or on all workers there are.
     pub failures_per_pass: u32,
-    /// A worker is shut out when this many of its attempts in a row failed.
+    /// A worker is shut out after this many failed attempts in a row.
     pub failures_per_worker: u32,
-    /// A worker is shut out when it sent this many wrong results.
+    /// A worker is shut out after this many wrong results.
     pub refusals_per_worker: u32,
-    /// A worker whose attempt failed gets nothing for this long; twice as long after the next failure, and so on. One
-    /// whose lease ran out gets nothing for the length of a lease, and so on, until it delivers something.
+    /// A worker whose attempt failed gets nothing for this long; the time doubles with each further failure. After an
+    /// expired lease it is the length of a lease, doubling likewise, until the worker delivers something.
     pub back_off: Duration,
-    /// One block in so many is rendered again by another worker, and the first ones of every worker; 0: none.
+    /// One block in this many is rendered again by another worker, as are the first blocks of every worker; 0: none.
     pub audit_every: u64,
-    /// Which blocks that are: nobody can know beforehand who does not know this.
+    /// Secret that decides which blocks are drawn, so that nobody can predict them.
     pub audit_salt: [u8; 32],
 }
 
-/// A lease ends when it has run for so many times the average of others, and of its worker, whatever that says.
+/// A lease ends after this many times the usual time, or its worker's own if that is longer, even if heartbeats name
+/// it.
 const LONGEST: f64 = 32.0;
 
-/// What a worker may not do.
+/// Why a worker's call is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LedgerError {
-    /// Not registered here.
+    /// It is not registered here.
     #[error("worker {0:?} is not registered here")]
     UnknownWorker(WorkerId),
-    /// Not to be trusted.
+    /// It is not trusted.
     #[error("worker {0:?} is shut out: {1}")]
     ShutOut(WorkerId, Sentence),
-    /// The lease was never given to this worker for this block.
+    /// The worker was never given this lease for this block.
     #[error("lease {lease:?} of {block:?} was never given to worker {worker:?}")]
     NotLeased {
-        /// Who claims it.
+        /// The worker.
         worker: WorkerId,
-        /// The number claimed.
+        /// The claimed lease.
         lease: LeaseId,
-        /// The block claimed.
+        /// The claimed block.
         block: Block,
     },
 }
 
-/// What became of a block that passed every check.
+/// What became of a block that passed all checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Accepted {
     /// It counts.
     New,
-    /// It was there already, with the same bits.
+    /// It was done already, with the same bits.
     Duplicate,
-    /// It was there already, with the same bits, from another worker: now it is certain.
+    /// It was done already, with the same bits from another worker: it is now confirmed.
     Confirmed,
-    /// It was there already, with other bits. Others will decide.
+    /// It was done already, with different bits. Others will decide.
     Disputed,
-    /// It lies beyond a pass that failed for good, or others have rendered some of its passes.
+    /// It lies beyond a pass that failed for good, or some of its passes are done in other blocks.
     NotNeeded,
 }
 
@@ -100,15 +100,15 @@ pub enum Accepted {
 pub struct Failure {
     /// The pass.
     pub pass_index: u64,
-    /// How often it was tried.
+    /// The number of attempts.
     pub attempts: u32,
-    /// By how many workers.
+    /// The number of workers that tried it.
     pub workers: u32,
-    /// What the last attempt said.
+    /// The message of the last attempt.
     pub message: String,
 }
 
-/// What follows from what others did, for whoever writes a log.
+/// Consequences for other workers, to be logged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Note {
     /// A worker is shut out.
@@ -126,9 +126,9 @@ pub enum Note {
 pub struct Done {
     /// Which passes.
     pub block: Block,
-    /// Whose pixels, and their hash; unknown for passes of a sum that an earlier life of the job left.
+    /// The worker and its hash of the pixels; unknown for passes in a sum from an earlier run of the job.
     pub by: Option<(WorkerId, PixelHash)>,
-    /// Two workers found these pixels.
+    /// Whether two workers found these pixels.
     pub confirmed: bool,
 }
 
@@ -138,29 +138,29 @@ struct Lease {
     block: Block,
     begun: Duration,
     expires: Duration,
-    /// Passes of it that the worker has rendered, and when it said so first.
+    /// Passes of it that the worker has rendered, and when this number last rose.
     rendered: u64,
     moved: Duration,
-    /// Somebody else has rendered it already.
+    /// Whether it checks a block that another worker has rendered.
     audit: bool,
 }
 
-/// The time, and how many seconds a pass usually takes, which is a look at all workers.
+/// The current time and the usual seconds per pass, which need a loop over all workers.
 #[derive(Clone, Copy)]
 struct Tempo {
     now: Duration,
     pass: Option<f64>,
 }
 
-/// Attempts at a pass that failed.
+/// Failed attempts at a pass.
 #[derive(Clone, Debug)]
 struct Attempts {
-    /// When the first of them did.
+    /// When the first one failed.
     since: Duration,
     count: u32,
-    /// Those of workers that were known to render others.
+    /// Attempts by workers that had rendered other passes.
     by_able: u32,
-    /// Who has had it.
+    /// Workers that have had the pass.
     workers: BTreeSet<WorkerId>,
 }
 
@@ -169,41 +169,41 @@ struct Attempts {
 pub struct Ledger {
     rules: Rules,
     open: Ranges,
-    /// Every lease ever given; the lease's number is its place. Kept, because a result may come long after its lease
-    /// has ended, and is as good as any.
+    /// Every lease ever given; its number is its index. Kept because a result may arrive long after its lease has ended
+    /// and still counts.
     leases: Vec<Lease>,
-    /// Those that have not ended.
+    /// Leases that have not ended.
     active: BTreeSet<LeaseId>,
-    /// By first pass; disjoint.
+    /// Done blocks by first pass; disjoint.
     done: BTreeMap<u64, Done>,
     passes_done: u64,
     /// Lowest pass that is not done.
     prefix: u64,
     workers: BTreeMap<WorkerId, Worker>,
     next_worker: u64,
-    /// The test picture that counts, and how many proven workers made each.
+    /// The test picture that counts, and how many proven workers made each one.
     canary: Option<PixelHash>,
     canaries: BTreeMap<PixelHash, u64>,
-    /// Names of workers that delivered wrong pixels.
+    /// Workers that delivered wrong pixels.
     convicted: BTreeMap<KnownBy, Who>,
-    /// Workers that an earlier life of the job knew, by name.
+    /// Workers known from earlier runs of the job.
     earlier_workers: BTreeMap<KnownBy, WorkerId>,
-    /// By first pass, disjoint: blocks that an earlier life of the job accepted and lost, and whose pixels they had.
+    /// By first pass, disjoint: blocks that an earlier run of the job accepted and lost, with their votes.
     earlier: BTreeMap<u64, (Block, Vec<(WorkerId, PixelHash)>)>,
     attempts: BTreeMap<u64, Attempts>,
     audits: BTreeMap<Block, Audit>,
-    /// Blocks of workers that are not to be trusted, still counted.
+    /// Blocks of untrusted workers that still count.
     stained: Vec<Block>,
     notes: Vec<Note>,
     failed: Option<Failure>,
-    /// Workers of this job and of others beside it, where there are such.
+    /// The workers of the coordinator's other jobs, if any.
     crew: Option<Arc<Crew>>,
-    /// Seconds that taking a block in takes.
+    /// Seconds to take in a block.
     intake: f64,
 }
 
 impl Ledger {
-    /// An empty ledger. Workers are numbered from `first_worker` on.
+    /// An empty ledger. Workers are numbered from `first_worker`.
     pub fn new(rules: Rules, first_worker: u64) -> Self {
         Self {
             open: Ranges::from(rules.first_pass..rules.passes),
@@ -230,7 +230,7 @@ impl Ledger {
         }
     }
 
-    /// A sign of life: these leases are still worked on, and so many passes of each are rendered.
+    /// A heartbeat: these leases are being worked on, each with its number of rendered passes.
     pub fn beat(
         &mut self,
         worker: WorkerId,
@@ -255,8 +255,7 @@ impl Ledger {
         Ok(())
     }
 
-    /// End the leases that have run out: no heartbeat named them, or they take far longer than such blocks do, or one
-    /// pass of them does.
+    /// End expired leases: no heartbeat named them, or the block or one of its passes takes far too long.
     pub fn expire(&mut self, now: Duration) -> usize {
         let pass = self.seconds_per_pass();
         let workers = &self.workers;
@@ -267,7 +266,7 @@ impl Ledger {
                 let longest = pass.and_then(|pass| self.longest(pass, passes));
                 longest.is_some_and(|longest| since + longest <= now)
             };
-            // One that is not begun waits for the one before.
+            // A block that has not been started waits for the one before.
             let is_rendered = 0 < lease.rendered && lease.rendered < lease.block.len();
             lease.expires <= now || too_long(lease.begun, lease.block.len()) || is_rendered && too_long(lease.moved, 1)
         };
@@ -290,18 +289,18 @@ impl Ledger {
         self.end_leases(|id, _| expired.contains(&id))
     }
 
-    /// The longest that a lease of so many passes may last, of which each usually takes so long.
+    /// The longest that a lease of this many passes may last, given the usual seconds per pass.
     fn longest(&self, pass: f64, passes: u64) -> Option<Duration> {
         let longest = Duration::try_from_secs_f64(LONGEST * pass * passes as f64).ok()?;
         Some(longest.max(self.rules.lease))
     }
 
-    /// Workers of other jobs may be called to this one.
+    /// Let workers of other jobs be called to this one.
     pub fn join(&mut self, crew: Arc<Crew>) {
         self.crew = Some(crew);
     }
 
-    /// Whether there is one that was never here and may be called from another job.
+    /// Whether some worker was never here and may be called from another job.
     fn may_call(&self) -> bool {
         let Some(crew) = &self.crew else {
             return false;
@@ -316,21 +315,20 @@ impl Ledger {
         Tempo { now, pass }
     }
 
-    /// Whether a lease of the block that began then may last until now: so long those are waited for of whom nothing is
-    /// known.
+    /// Whether a lease of the block that began at `since` could still run. Unproven workers are waited for that long.
     fn has_time(&self, since: Duration, block: Block, Tempo { now, pass }: Tempo) -> bool {
         let longest = pass.and_then(|pass| self.longest(pass, block.len()));
         longest.is_none_or(|longest| now < since + longest)
     }
 
-    /// Whether a worker that is there would do what others cannot do or shall not: to wait for it is worth while. One
-    /// that has never delivered anything is waited for as long as there is time.
+    /// Whether to wait for a present worker to take over a block. One that has never delivered anything is waited for
+    /// while there is time.
     fn is_worth_waiting(&self, worker: &Worker, has_time: bool, now: Duration) -> bool {
         let may_deliver = worker.seconds_per_pass.is_some() || has_time;
         worker.is_at_hand(&self.rules, now) && worker.late == 0 && may_deliver
     }
 
-    /// The worker does not want these leases any more, which is nobody's fault.
+    /// The worker gives these leases back, for which it is not blamed.
     pub fn give_back(&mut self, worker: WorkerId, leases: &BTreeSet<LeaseId>) -> Result<usize, LedgerError> {
         self.worker(worker)?;
         let own = |id: LeaseId, lease: &Lease| lease.worker == worker && leases.contains(&id);
@@ -343,8 +341,7 @@ impl Ledger {
         Ok(self.end_leases(own))
     }
 
-    /// These leases end without a word about their blocks. What others shall check or try, because it failed, is not
-    /// left to these workers any more.
+    /// These leases end without a result. Checks and failed passes among them are no longer left to these workers.
     fn forgo(&mut self, ended: Vec<Lease>) {
         for Lease {
             worker, block, audit, ..
@@ -360,7 +357,7 @@ impl Ledger {
         }
     }
 
-    /// Is this the lease that the worker was given for this block? It need not be active.
+    /// Check that the worker was given this lease for this block. The lease need not be active.
     pub fn check(&self, worker: WorkerId, lease: LeaseId, block: Block) -> Result<(), LedgerError> {
         if let Some(sentence) = self.worker(worker)?.shut_out {
             return Err(LedgerError::ShutOut(worker, sentence));
@@ -372,7 +369,7 @@ impl Ledger {
         }
     }
 
-    /// Take in a block that passed every check of its content.
+    /// Take in a block whose content passed all checks.
     pub fn accept(
         &mut self,
         worker: WorkerId,
@@ -402,7 +399,7 @@ impl Ledger {
             self.end_lease(lease);
             return Ok(Accepted::NotNeeded);
         }
-        // Others may be rendering some of it again: their leases must not put it back.
+        // Others may be rendering parts of it: when their leases end, these passes must not become open again.
         let leases = &self.leases;
         self.active
             .retain(|id| !block.passes().contains(&leases[id.0 as usize].block.start()));
@@ -430,8 +427,8 @@ impl Ledger {
         }
     }
 
-    /// The leased block cannot be rendered, because of this pass of it. After some attempts the job ends before that. A
-    /// lease fails at most once: what is said about one that has ended changes nothing.
+    /// The leased block cannot be rendered because of this pass of it. After several attempts the job ends before that
+    /// pass. A lease fails at most once; reports about an ended lease change nothing.
     pub fn fail(
         &mut self,
         worker: WorkerId,
@@ -471,8 +468,8 @@ impl Ledger {
         attempts.by_able += u32::from(is_able);
         attempts.workers.insert(worker);
         let attempts = attempts.clone();
-        // Whoever has rendered nothing, or fails at one pass after another, says nothing about this one as long as
-        // others have not tried it.
+        // Failures of a worker that has rendered nothing, or that fails at pass after pass, say nothing about this pass
+        // until all others have tried it.
         let mut present = self.workers.iter().filter(|(_, other)| other.is_at_hand(&rules, now));
         let by_all = present.all(|(id, _)| attempts.workers.contains(id));
         let counted = if by_all { attempts.count } else { attempts.by_able };
@@ -488,7 +485,7 @@ impl Ledger {
         Ok(())
     }
 
-    /// What the worker sent was wrong, which says nothing about the block.
+    /// The worker sent a wrong result, which says nothing about the block.
     pub fn refuse(&mut self, worker: WorkerId, lease: LeaseId, block: Block) {
         let limit = self.rules.refusals_per_worker;
         let Some(entry) = self.workers.get_mut(&worker) else {
@@ -509,31 +506,31 @@ impl Ledger {
         self.leases.get(place).map(|lease| lease.block)
     }
 
-    /// When that was.
+    /// When the lease was given.
     pub fn leased_at(&self, lease: LeaseId) -> Option<Duration> {
         let place = usize::try_from(lease.0).ok()?;
         self.leases.get(place).map(|lease| lease.begun)
     }
 
-    /// So long does it take to take a block in, in seconds.
+    /// Set the seconds to take in a block.
     pub fn set_intake(&mut self, seconds: f64) {
         self.intake = seconds;
     }
 
-    /// First pass that the job will not have.
+    /// End of the job's passes, exclusive.
     pub fn limit(&self) -> u64 {
         let failed = self.failed.as_ref().map(|failure| failure.pass_index);
         failed.map_or(self.rules.passes, |failed| failed.min(self.rules.passes))
     }
 
-    /// Have so many passes, at least as many as before.
+    /// Raise the number of passes. It never falls.
     pub fn extend(&mut self, passes: u64) {
         if passes > self.rules.passes {
             self.set_limit(passes);
         }
     }
 
-    /// Have so many passes, whatever was asked for. Those beyond are not needed any more.
+    /// Set the number of passes. Those beyond it are no longer needed.
     pub fn set_limit(&mut self, passes: u64) {
         let before = self.rules.passes;
         self.rules.passes = passes;
@@ -543,17 +540,17 @@ impl Ledger {
         }
     }
 
-    /// All passes below the limit are done, by workers that are trusted.
+    /// Whether all passes below the limit are done, by trusted workers.
     pub fn is_complete(&self) -> bool {
         self.prefix >= self.limit() && self.stained.is_empty()
     }
 
-    /// All passes below [`Self::limit`] and from the first on, up to this one, are done.
+    /// All passes from the first one to this one, exclusive, are done. At most [`Self::limit`].
     pub fn prefix(&self) -> u64 {
         self.prefix
     }
 
-    /// Passes that are done, with those beyond the prefix.
+    /// Passes that are done, including those beyond the prefix.
     pub fn done(&self) -> u64 {
         self.passes_done
     }
@@ -563,24 +560,24 @@ impl Ledger {
         self.failed.as_ref()
     }
 
-    /// The pixels of a block that is done.
+    /// The hash of a done block's pixels.
     pub fn block_hash(&self, block: Block) -> Option<PixelHash> {
         let done = self.done.get(&block.start())?;
         let (_, hash) = done.by.filter(|_| done.block == block)?;
         Some(hash)
     }
 
-    /// Blocks that are done, in the order of their passes.
+    /// Done blocks, in pass order.
     pub fn blocks(&self) -> impl Iterator<Item = &Done> + '_ {
         self.done.values()
     }
 
-    /// What followed from what others did, since this was last asked.
+    /// The consequences since the last call.
     pub fn take_notes(&mut self) -> Vec<Note> {
         std::mem::take(&mut self.notes)
     }
 
-    /// First of these passes that is done.
+    /// The first of these passes that is done.
     fn first_done(&self, passes: Range<u64>) -> Option<u64> {
         let before = self.done.range(..passes.start).next_back();
         if before.is_some_and(|(_, done)| done.block.passes().end > passes.start) {
@@ -601,7 +598,7 @@ impl Ledger {
         ended.len()
     }
 
-    /// Its passes are open again, but for those that are done or that somebody else holds.
+    /// Its passes become open again, except those that are done or that another lease holds.
     fn end_lease(&mut self, lease: LeaseId) {
         if self.active.remove(&lease) && !self.leases[lease.0 as usize].audit {
             self.reopen_passes(self.leases[lease.0 as usize].block.passes());

@@ -6,7 +6,7 @@ use std::ops::Range;
 /// Passes, held as the fewest ranges.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Ranges {
-    /// End by start. Disjoint, not touching, none empty.
+    /// End by start. Disjoint, not adjacent, none empty.
     ends: BTreeMap<u64, u64>,
 }
 
@@ -19,7 +19,7 @@ impl From<Range<u64>> for Ranges {
 }
 
 impl Ranges {
-    /// Add passes; those that are there already stay.
+    /// Add passes. Those already in the set stay.
     pub fn insert(&mut self, range: Range<u64>) {
         if range.is_empty() {
             return;
@@ -37,7 +37,7 @@ impl Ranges {
         self.ends.insert(start, end);
     }
 
-    /// Take passes away; those that are not there do not matter.
+    /// Remove passes. Those not in the set are ignored.
     pub fn remove(&mut self, range: Range<u64>) {
         if range.is_empty() {
             return;
@@ -56,13 +56,13 @@ impl Ranges {
         }
     }
 
-    /// Whether all of these passes are there.
+    /// Whether all of these passes are in the set.
     pub fn contains(&self, range: &Range<u64>) -> bool {
         let before = self.ends.range(..=range.start).next_back();
         before.is_some_and(|(_, end)| *end >= range.end)
     }
 
-    /// In ascending order.
+    /// The ranges, ascending.
     pub fn iter(&self) -> impl Iterator<Item = Range<u64>> + '_ {
         self.ends.iter().map(|(start, end)| *start..*end)
     }

@@ -8,11 +8,11 @@ use beamfarm_proto::{Device, WorkerId};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-/// Workers that are remembered although nothing of theirs counts.
+/// The most workers remembered of which nothing counts.
 const WORKERS: usize = 8192;
 
 impl Ledger {
-    /// Whether there is room for one more worker: those that did nothing and are gone are forgotten for it.
+    /// Whether there is room for another worker. Workers that did nothing and are gone are forgotten to make room.
     pub fn has_room(&mut self, now: Duration) -> bool {
         if self.workers.len() < WORKERS {
             return true;
@@ -25,7 +25,7 @@ impl Ledger {
             let matters = worker.is_earlier || worker.passes > 0 || holds.contains(id) || judges.contains(id);
             matters || worker.attending > 0 || worker.is_present(&rules, now)
         });
-        // A long job may have had any number of others.
+        // Over a long job there may be any number of workers with passes.
         let idle = self
             .workers
             .values()
@@ -33,24 +33,25 @@ impl Ledger {
         idle.count() < WORKERS
     }
 
-    /// Whether a worker of this number is remembered.
+    /// Whether the worker is remembered.
     pub fn knows(&self, worker: WorkerId) -> bool {
         self.workers.contains_key(&worker)
     }
 
-    /// Whether it can be relied on: nothing speaks against it, and where blocks are checked others found its pixels.
+    /// Whether the worker can be relied on: nothing speaks against it, and where blocks are checked others confirmed
+    /// its pixels.
     pub fn is_reliable(&self, worker: WorkerId) -> bool {
         self.workers
             .get(&worker)
             .is_some_and(|worker| worker.is_reliable(&self.rules))
     }
 
-    /// A new worker, that rendered the test picture with these pixels, on this device if it has one. It may have
-    /// rendered none where nothing is ever checked.
+    /// Register a worker with the hash of its test picture and its device, if any. Where nothing is ever checked, there
+    /// may be no picture.
     ///
-    /// Who made another one than workers whose pixels others have found as well is refused. Until there are such,
-    /// nobody is: whoever comes first could be the one that computes other bits. Where nothing is ever checked, the
-    /// first picture is the one.
+    /// A worker is refused if its picture differs from that of proven workers. Until there are any, nobody is refused:
+    /// the first worker could be the one that computes wrong bits. Where nothing is ever checked, the first picture is
+    /// the right one.
     pub fn register(
         &mut self,
         who: impl Into<Who>,
@@ -77,7 +78,7 @@ impl Ledger {
         }))
     }
 
-    /// Whether workers have to show a test picture.
+    /// Whether workers must render a test picture.
     pub fn asks_for_canary(&self) -> bool {
         self.rules.audit_every > 0
     }
@@ -89,7 +90,7 @@ impl Ledger {
         id
     }
 
-    /// Enter what an earlier life of the job has done: before anything else.
+    /// Enter what an earlier run of the job has done. Call it first.
     pub fn resume<'a>(&mut self, blocks: impl IntoIterator<Item = (Block, Option<(&'a Who, PixelHash)>, bool)>) {
         for (block, by, confirmed) in blocks {
             if self.first_done(block.passes()).is_some() {
@@ -101,7 +102,7 @@ impl Ledger {
         }
     }
 
-    /// Enter that in an earlier life of the job this worker delivered wrong pixels.
+    /// Note that this worker delivered wrong pixels in an earlier run of the job.
     pub fn resume_convicted(&mut self, who: &Who) {
         self.convicted.insert(who.known_by(), who.clone());
     }
@@ -115,8 +116,8 @@ impl Ledger {
         id
     }
 
-    /// Enter that an earlier life of the job accepted this block with these pixels: after [`Self::resume`] and
-    /// [`Self::resume_rest`]. Those that are not done any more are leased again as they were, to be compared.
+    /// Note that an earlier run of the job accepted this block with these pixels. Call it after [`Self::resume`] and
+    /// [`Self::resume_rest`]. Blocks that are no longer done are leased again unchanged, for comparison.
     pub fn expect(&mut self, block: Block, who: &Who, hash: PixelHash) {
         if let Some(known) = self.done.get(&block.start()).copied() {
             if let Some(vote) = known.by.filter(|_| known.block == block && !known.confirmed)
@@ -143,7 +144,7 @@ impl Ledger {
         }
     }
 
-    /// Enter passes of a sum of whose making nothing is known.
+    /// Enter passes of a sum about which nothing else is known.
     pub fn resume_rest(&mut self, nodes: impl IntoIterator<Item = Block>) {
         for node in nodes {
             let mut rest = vec![node];
@@ -173,8 +174,8 @@ impl Ledger {
         Ok(())
     }
 
-    /// The worker's stream of heartbeats broke. When it was its last, its leases end; what it still delivers is
-    /// welcome.
+    /// A heartbeat stream of the worker broke. If it was the last, the worker's leases end; results that still arrive
+    /// count.
     pub fn detach(&mut self, worker: WorkerId) -> usize {
         let Some(entry) = self.workers.get_mut(&worker) else {
             return 0;
@@ -186,8 +187,8 @@ impl Ledger {
         }
     }
 
-    /// The connection by which the worker registered is over. One that has opened no stream of heartbeats, whose end
-    /// would tell the same, is gone; says how many leases end with it.
+    /// The connection through which the worker registered is closed. A worker without a heartbeat stream, whose end
+    /// would say the same, is gone; returns how many of its leases end.
     pub fn hung_up(&mut self, worker: WorkerId) -> Option<usize> {
         let entry = self.workers.get(&worker)?;
         let is_gone = entry.attending == 0 && !entry.gone;
@@ -201,12 +202,12 @@ impl Ledger {
         }
     }
 
-    /// Whether it was.
+    /// Whether the worker was sent to another job.
     pub fn is_away(&self, worker: WorkerId) -> bool {
         self.workers.get(&worker).is_some_and(|entry| entry.away)
     }
 
-    /// So many passes the worker renders best together.
+    /// Note how many passes the worker renders best together.
     pub fn renders_together(&mut self, worker: WorkerId, passes: u32) {
         if let Some(entry) = self.workers.get_mut(&worker) {
             entry.together = passes.max(1);
@@ -233,7 +234,7 @@ impl Ledger {
         self.convicted.values()
     }
 
-    /// Some worker has neither hung up nor signed off. It may be silent, or shut out.
+    /// Whether some worker has neither hung up nor signed off. It may be silent or shut out.
     pub fn has_company(&self) -> bool {
         self.workers.values().any(|worker| !worker.gone)
     }
@@ -266,7 +267,7 @@ impl Ledger {
         self.workers.get(&worker).ok_or(unknown)
     }
 
-    /// A worker that is not shut out.
+    /// The worker, unless it is shut out.
     pub(super) fn admitted(&mut self, worker: WorkerId) -> Result<&mut Worker, LedgerError> {
         let unknown = LedgerError::UnknownWorker(worker);
         let entry = self.workers.get_mut(&worker).ok_or(unknown)?;
@@ -276,12 +277,12 @@ impl Ledger {
         }
     }
 
-    /// What the worker calls itself.
+    /// The worker's name for itself.
     pub fn name(&self, worker: WorkerId) -> &str {
         self.workers.get(&worker).map_or("", |entry| &entry.who.name)
     }
 
-    /// Who the worker is.
+    /// The worker's identity.
     pub fn who(&self, worker: WorkerId) -> Who {
         let entry = self.workers.get(&worker);
         entry.map_or_else(|| Who::from(""), |entry| entry.who.clone())

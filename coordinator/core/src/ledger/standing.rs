@@ -4,21 +4,21 @@ use super::{PixelHash, Rules};
 use beamfarm_proto::{Device, Fingerprint};
 use std::time::Duration;
 
-/// A worker waits at most so many times [`Rules::back_off`] after a failure, or [`Rules::lease`] when it is late.
+/// The longest wait, as a multiple of [`Rules::back_off`] after failures, or of [`Rules::lease`] after expired leases.
 const LONGEST_BACK_OFF: u32 = 64;
-/// Part that the last block has in a worker's time per pass.
+/// Weight of the last block in a worker's seconds per pass.
 const RECENT: f64 = 0.3;
 
 /// Why a worker is shut out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Sentence {
-    /// What it sent was no block of this job, again and again.
+    /// It repeatedly sent what is no block of this job.
     #[error("it sent wrong results too often")]
     Refusals,
-    /// It failed again and again, with no success in between.
+    /// It failed repeatedly, with no success in between.
     #[error("too many of its attempts in a row failed")]
     Failures,
-    /// Others rendered one of its blocks with other bits.
+    /// Others rendered one of its blocks with different bits.
     #[error("it delivered other pixels than two other workers did")]
     WrongPixels,
     /// It delivered the same block twice, with different bits.
@@ -27,40 +27,40 @@ pub enum Sentence {
     /// Proven workers compute other bits.
     #[error("its test picture differs from that of other workers: it computes other bits")]
     Canary,
-    /// It did, before it came back.
+    /// It was convicted before it came back with the same key.
     #[error("a worker with its key delivered wrong pixels")]
     Key,
 }
 
 impl Sentence {
-    /// Whether who has the key stays shut out until the end of the job, whatever coordinator it has.
+    /// Whether the owner of the key stays shut out until the end of the job, across coordinators.
     pub fn is_conviction(self) -> bool {
         matches!(self, Self::WrongPixels | Self::Contradiction)
     }
 }
 
-/// How alike what two workers render on is: the less, the less likely are both wrong in the same way.
+/// How alike the devices of two workers are. The less alike, the less likely they make the same error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Likeness {
-    /// Other drivers, as of other makers.
+    /// Different drivers, such as from different makers.
     OtherDriver,
-    /// Devices of other kinds with one driver.
+    /// Different kinds of device, same driver.
     OtherKind,
-    /// Devices of one kind, or processors.
+    /// The same kind of device, or processors.
     Alike,
 }
 
-/// Who a worker is.
+/// The identity of a worker.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Who {
-    /// What it calls itself. For people: anybody may call himself so.
+    /// Its name for itself. For people; anybody can use any name.
     pub name: String,
-    /// What it is known by. `None`: in a job of before there were any, its name has to do.
+    /// The fingerprint of its key. `None`: the job is older than keys, and only the name identifies the worker.
     pub key: Option<Fingerprint>,
 }
 
 impl Who {
-    /// What tells it from others.
+    /// What identifies it.
     pub fn known_by(&self) -> KnownBy {
         match self.key {
             Some(key) => KnownBy::Key(key),
@@ -70,7 +70,7 @@ impl Who {
 }
 
 impl From<&str> for Who {
-    /// Of whom only the name is known.
+    /// A worker known only by name.
     fn from(name: &str) -> Self {
         Self {
             name: name.into(),
@@ -79,12 +79,12 @@ impl From<&str> for Who {
     }
 }
 
-/// What tells workers apart from one life of the job to the next.
+/// What identifies a worker across runs of the job.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum KnownBy {
     /// The fingerprint of its secret.
     Key(Fingerprint),
-    /// Its name, where that is all there is.
+    /// Its name, if there is nothing else.
     Name(String),
 }
 
@@ -93,35 +93,35 @@ pub enum KnownBy {
 pub(super) struct Worker {
     pub who: Who,
     pub threads: u32,
-    /// What it renders on, unless processors do.
+    /// Its device; `None`: processors.
     pub device: Option<Device>,
-    /// An earlier life of the job knew it.
+    /// Known from an earlier run of the job.
     pub is_earlier: bool,
-    /// Hash of its test picture, if there is one.
+    /// Hash of its test picture, if any.
     pub canary: Option<PixelHash>,
     pub refusals: u32,
     pub failures_in_a_row: u32,
-    /// How often leases of it ran out since it last delivered something.
+    /// How many of its leases expired since its last delivery.
     pub late: u32,
-    /// Gets nothing before this time.
+    /// It gets nothing before this time.
     pub not_before: Duration,
     pub last_seen: Duration,
-    /// Open streams of heartbeats.
+    /// Open heartbeat streams.
     pub attending: u32,
     pub gone: bool,
-    /// It was told that another job has work, and may come back.
+    /// Sent to another job; it may come back.
     pub away: bool,
     pub shut_out: Option<Sentence>,
     /// Passes that count.
     pub passes: u64,
     pub seconds_per_pass: Option<f64>,
-    /// So many passes it renders best together.
+    /// How many passes it renders best together.
     pub together: u32,
     pub audits_passed: u64,
     pub audits_failed: u64,
-    /// Blocks of it that were to be checked because they were its first.
+    /// How many of its blocks were checked because they were its first.
     pub tried: u32,
-    /// Another worker found the same pixels as this one.
+    /// Whether another worker found the same pixels as this one.
     pub is_proven: bool,
 }
 
@@ -152,7 +152,7 @@ impl Worker {
         }
     }
 
-    /// How alike their devices are.
+    /// How alike the devices of two workers are.
     pub fn likeness(&self, other: &Self) -> Likeness {
         match (&self.device, &other.device) {
             (Some(own), Some(other)) if own.driver != other.driver => Likeness::OtherDriver,
@@ -161,19 +161,19 @@ impl Worker {
         }
     }
 
-    /// There, and to be given passes.
+    /// Whether it is present and may be given passes.
     pub fn is_present(&self, rules: &Rules, now: Duration) -> bool {
         let seen = self.last_seen + rules.lease > now;
         !self.gone && self.shut_out.is_none() && seen
     }
 
-    /// There, or at another job of the same coordinator, from where it can be called back.
+    /// Whether it is present, or at another job of the coordinator and can be called back.
     pub fn is_at_hand(&self, rules: &Rules, now: Duration) -> bool {
         let seen = self.last_seen + rules.lease > now;
         self.is_present(rules, now) || (self.away && self.shut_out.is_none() && seen)
     }
 
-    /// One that an earlier life of the job knew, and that is not here.
+    /// A worker known from an earlier run of the job that is not present.
     pub fn earlier(who: Who) -> Self {
         Self {
             is_earlier: true,
@@ -198,29 +198,29 @@ impl Worker {
         self.seconds_per_pass = Some(mean + RECENT * (last - mean));
     }
 
-    /// Its last attempt did not fail, and where blocks are checked others found the same pixels.
+    /// Whether its last attempt did not fail and, where blocks are checked, another worker found the same pixels.
     fn is_believed(&self, rules: &Rules) -> bool {
         self.failures_in_a_row == 0 && (self.is_proven || rules.audit_every == 0)
     }
 
-    /// Known to render passes.
+    /// Whether it is known to render passes.
     pub fn is_able(&self, rules: &Rules) -> bool {
         self.seconds_per_pass.is_some() && self.is_believed(rules)
     }
 
-    /// Nothing speaks against it.
+    /// Whether nothing speaks against it.
     pub fn is_reliable(&self, rules: &Rules) -> bool {
         self.late == 0 && self.is_believed(rules)
     }
 
-    /// Leases of it ran out.
+    /// Some of its leases expired.
     pub fn is_late(&mut self, rules: &Rules, now: Duration) {
         let doublings = self.late.min(LONGEST_BACK_OFF.ilog2());
         self.late += 1;
         self.not_before = self.not_before.max(now + rules.lease * (1 << doublings));
     }
 
-    /// An attempt failed. Returns whether that was one too many.
+    /// An attempt failed. Returns whether it was one too many.
     pub fn failed(&mut self, rules: &Rules, now: Duration) -> bool {
         let doublings = self.failures_in_a_row.min(LONGEST_BACK_OFF.ilog2());
         self.failures_in_a_row += 1;

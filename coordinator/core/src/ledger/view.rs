@@ -1,4 +1,4 @@
-//! Workers as others see them.
+//! Workers as shown to others.
 
 use super::Ledger;
 use super::standing::Worker;
@@ -7,56 +7,56 @@ use beamfarm_proto::{Device, Fingerprint, LeaseId, WorkerId};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// Workers that are there, and those that are gone, of those that are shown.
+/// The most present and gone workers that are listed.
 const PRESENT_SHOWN: usize = 4096;
 const GONE_SHOWN: usize = 200;
 
-/// A worker as others see it.
+/// A worker as shown to others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorkerView {
     /// Its number.
     pub id: WorkerId,
-    /// What it calls itself: the machine, say. Comes from outside.
+    /// Its name for itself, such as the machine's name. Comes from outside.
     pub name: String,
-    /// What it is known by; `None`: an earlier life of the job knew of none.
+    /// The fingerprint of its key; `None`: known only by name from an earlier run of the job.
     pub key: Option<Fingerprint>,
     /// Rendering threads.
     pub threads: u32,
-    /// What it renders on, unless processors do.
+    /// Its device; `None`: processors.
     pub device: Option<Device>,
     /// Passes of it that count.
     pub passes: u64,
-    /// Time that it takes for a pass, averaged over the last few; `None` before the first.
+    /// Seconds per pass, averaged over the last few; `None` before the first.
     pub seconds_per_pass: Option<f64>,
     /// Time since its last sign of life.
     pub last_seen: Duration,
-    /// Blocks of it that another worker rendered again with the same bits.
+    /// Blocks of it that another worker confirmed.
     pub audits_passed: u64,
-    /// Blocks of it that others rendered with other bits.
+    /// Blocks of it that others rendered with different bits.
     pub audits_failed: u64,
-    /// What it is at.
+    /// Its current state.
     pub state: WorkerState,
-    /// The block that it was given first of those that it holds, and how many passes of it are rendered.
+    /// The oldest block that it holds, and how many of its passes are rendered.
     pub rendering: Option<(Block, u64)>,
 }
 
-/// What a worker is at.
+/// What a worker is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WorkerState {
-    /// Holds leases.
+    /// It holds leases.
     Working,
-    /// Is there and waits.
+    /// It is present and waits.
     Idle,
-    /// Waits because its last attempts failed, or never came.
+    /// It waits because its last attempts failed or never arrived.
     BackingOff,
-    /// Signed off, or its connection broke.
+    /// It signed off, or its connection broke.
     Gone,
-    /// Gets nothing any more: it sent wrong pixels, or nothing but failures.
+    /// It gets nothing more because it sent wrong pixels or nothing but failures.
     ShutOut,
 }
 
 impl WorkerState {
-    /// One or two words, for people.
+    /// One or two words, for display.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Working => "working",
@@ -69,7 +69,7 @@ impl WorkerState {
 }
 
 impl Ledger {
-    /// The workers that are there, and those that were here last: of too many the newest.
+    /// Present workers, and those that left most recently; the newest if there are too many.
     pub fn views(&self, now: Duration) -> Vec<WorkerView> {
         let mut held: BTreeMap<WorkerId, (Block, u64)> = BTreeMap::new();
         for LeaseId(place) in &self.active {

@@ -1,13 +1,13 @@
-//! Who renders what of which revision: a state machine without clock or network.
+//! Which worker renders what of which revision: a state machine without clock or network.
 //!
-//! A worker does one task at a time. Of the last revision, sketches are handed out from coarse to fine, each once; when
-//! none is left and the job is known, its passes. A new revision drops whatever is under way but the coarsest sketch,
-//! which is nearly done: a steady drag shows pictures that are one change old rather than none. What arrives for a task
-//! that is not its worker's any more counts for nothing.
+//! A worker does one task at a time. Sketches of the last revision are handed out from coarse to fine, each once; then
+//! its passes, once the job is known. A new revision drops every task under way except the coarsest sketch, which is
+//! nearly done: during a steady drag you see pictures that are one change old rather than none. A delivery for a task
+//! that its worker no longer holds is ignored.
 //!
-//! No worker halts the view: what one does not bring in the time of several others, or fails at, is for others. Whoever
-//! fails at what others then render is to blame, and sent away when that happens again and again; whoever fails at what
-//! nobody can render is not, and a revision of that kind ends.
+//! No worker stops the view. A task that it fails at, or that takes several times as long as usual, goes to others. A
+//! worker that keeps failing at tasks which others then render is sent away. If no worker can render a task, none is to
+//! blame, and the revision ends.
 
 use super::ladder::{Ladder, Step};
 use beamfarm_image::film::Film;
@@ -19,57 +19,58 @@ use beamfarm_proto::{RevisionNumber, Task, TaskNumber, Work, WorkerId};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-/// Tasks of a revision that a worker failed at, after which it gets no more of it; and tasks in a row that others then
-/// rendered, after which it is sent away.
+/// Failures at a revision after which a worker gets no more of it, and failures in a row at tasks that others then
+/// rendered after which it is sent away.
 const FAILURES: usize = 3;
-/// What takes so many times as long as such tasks take is given to another worker as well.
+/// A task that takes this many times as long as usual is also given to another worker.
 const LONGEST: u32 = 8;
-/// It is not before so long, of tasks that take next to nothing.
+/// The shortest such time, for tasks that take next to nothing.
 const LEAST_PATIENCE: Duration = Duration::from_secs(1);
-/// Where nothing is known of such tasks, and there is something else to do.
+/// The time where no such task has been timed yet and there is other work.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// Who did not bring what others then did gets nothing for so long; twice as long the next time, and so on.
+/// A worker that was too slow, so that another delivered first, gets nothing for this long. The time doubles with each
+/// repetition.
 const BACK_OFF: Duration = Duration::from_secs(1);
 const MOST_DOUBLINGS: u32 = 6;
 
-/// What the passes of a revision are, once that is known.
+/// What the passes of a revision render, once known.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// What passes depend on beside the scene.
+    /// What passes depend on besides the scene.
     pub settings: JobSettings,
-    /// Pixels a row.
+    /// Image width in pixels.
     pub width: u32,
-    /// Rows.
+    /// Image height in pixels.
     pub height: u32,
-    /// Passes in all.
+    /// Total number of passes.
     pub limit: u64,
 }
 
-/// What sketches of a revision are made with.
+/// The settings of a revision's sketches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Style {
-    /// Without the number of photon paths.
+    /// Sketches set their own number of photon paths.
     pub settings: JobSettings,
-    /// The world's point that is the origin of render space.
+    /// The origin of render space, in world coordinates.
     pub origin: [f64; 3],
 }
 
-/// How good a picture is; of one revision only better ones follow.
+/// How good a picture is. Within a revision each picture shown is better than the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Quality {
     /// A sketch of this step.
     Sketch(usize),
-    /// The average of so many passes.
+    /// The average of this many passes.
     Passes(u64),
 }
 
-/// What is under way.
+/// A task under way.
 #[derive(Clone, Copy, Debug)]
 struct Doing {
     task: Task,
     what: What,
     begun: Duration,
-    /// Another worker has it as well.
+    /// Whether another worker has it as well.
     is_shared: bool,
 }
 
@@ -83,22 +84,22 @@ enum What {
 #[derive(Debug, Default)]
 struct Seat {
     doing: Option<Doing>,
-    /// What it has not been told yet that nobody wants.
+    /// The task it must still be told to drop.
     to_drop: Option<TaskNumber>,
-    /// Tasks that it failed at and others rendered, since it rendered one itself.
+    /// Tasks that it failed at and others rendered, since it last rendered one.
     blames: usize,
-    /// Tasks in a row that it did not bring in time.
+    /// Tasks in a row that it did not deliver in time.
     late: u32,
-    /// Gets nothing before this time.
+    /// It gets nothing before this time.
     not_before: Duration,
 }
 
 /// The passes of a revision.
 struct Passes {
     job: Job,
-    /// First that was never handed out.
+    /// The first pass that was never handed out.
     next: u64,
-    /// Handed out, and lost.
+    /// Passes that were handed out and lost.
     returned: BTreeSet<u64>,
     sum: TreeSum,
 }
@@ -108,27 +109,27 @@ struct Passes {
 pub enum Verdict {
     /// A sketch that is newer or better than what is shown.
     Sketch {
-        /// Of what.
+        /// The revision.
         revision: RevisionNumber,
-        /// Its step, and how many there are.
+        /// Its step.
         step: usize,
-        /// See `step`.
+        /// The number of steps.
         steps: usize,
     },
-    /// A pass counts: so many are complete from the first on.
+    /// A pass that counts.
     Pass {
-        /// Of what.
+        /// The revision.
         revision: RevisionNumber,
-        /// Complete passes.
+        /// Complete passes, from the first on.
         prefix: u64,
     },
-    /// Nobody wants it any more.
+    /// No longer wanted.
     Late,
-    /// It is not what was asked for: why.
+    /// Not what was asked for, and why.
     Wrong(String),
 }
 
-/// The longest that a task may take of which others take so long.
+/// The longest that a task may take, given the usual time.
 fn in_time(usual: Duration) -> Duration {
     (usual * LONGEST).max(LEAST_PATIENCE)
 }
@@ -139,23 +140,23 @@ pub struct Desk {
     style: Style,
     ladder: Ladder,
     steps: Vec<Step>,
-    /// First step that was not handed out.
+    /// The first step that was not handed out.
     next_step: usize,
     passes: Option<Passes>,
     seats: BTreeMap<WorkerId, Seat>,
     last_task: u64,
     /// The best picture of the newest revision that has one.
     shown: Option<(RevisionNumber, Quality)>,
-    /// Who failed at which of the revision's tasks, and how often at any.
+    /// Who failed at which task of the revision, and how often each worker failed.
     failed: BTreeMap<What, BTreeSet<WorkerId>>,
     failures: BTreeMap<WorkerId, usize>,
-    /// The longest that a sketch of the last revisions took, and the mean of this one's passes.
+    /// The longest time of a sketch of the last revisions, and the mean time of this revision's passes.
     sketches: Option<Duration>,
     mean_pass: Option<Duration>,
 }
 
 impl Desk {
-    /// A desk with sketches of up to this size. Nothing is handed out before the first [`Self::revise`].
+    /// A desk with sketches up to this size. Hands out nothing before the first [`Self::revise`].
     pub fn new(full: [u32; 2], style: Style) -> Self {
         let ladder = Ladder::new(full);
         Self {
@@ -175,7 +176,7 @@ impl Desk {
         }
     }
 
-    /// The scene has changed. All but the coarsest sketches under way are dropped.
+    /// Start a new revision. All tasks under way except the coarsest sketch are dropped.
     pub fn revise(&mut self, revision: RevisionNumber, full: [u32; 2], style: Style) {
         debug_assert!(revision > self.revision);
         self.revision = revision;
@@ -197,7 +198,7 @@ impl Desk {
         }
     }
 
-    /// What the passes of a revision are is known now. Of no effect when there is a newer one.
+    /// Set what the passes of a revision render. Has no effect if there is a newer revision.
     pub fn settle(&mut self, revision: RevisionNumber, job: Job) {
         if revision != self.revision || self.passes.is_some() {
             return;
@@ -210,41 +211,41 @@ impl Desk {
         });
     }
 
-    /// So many passes in all.
+    /// Set the total number of passes.
     pub fn extend(&mut self, limit: u64) {
         if let Some(passes) = &mut self.passes {
             passes.job.limit = limit;
         }
     }
 
-    /// A worker is there.
+    /// A worker has come.
     pub fn join(&mut self, worker: WorkerId) {
         self.seats.insert(worker, Seat::default());
     }
 
-    /// A worker is gone, and what it had in hand is for others.
+    /// A worker is gone; its task goes to others.
     pub fn leave(&mut self, worker: WorkerId) {
         if let Some(doing) = self.seats.remove(&worker).and_then(|seat| seat.doing) {
             self.take_back(doing);
         }
     }
 
-    /// Workers that are there.
+    /// The number of workers present.
     pub fn workers(&self) -> usize {
         self.seats.len()
     }
 
-    /// What a worker has to be told to drop, once.
+    /// The task that a worker must be told to drop; returned once.
     pub fn drop_of(&mut self, worker: WorkerId) -> Option<TaskNumber> {
         self.seats.get_mut(&worker)?.to_drop.take()
     }
 
-    /// Whether a worker is to go: it failed too often at what others can render.
+    /// Whether a worker must go because it failed too often at what others can render.
     pub fn is_to_blame(&self, worker: WorkerId) -> bool {
         self.seats.get(&worker).is_some_and(|seat| seat.blames >= FAILURES)
     }
 
-    /// What an idle worker is to do; `None`: it has something to do, or there is nothing.
+    /// The next task of an idle worker; `None` if it is busy or there is nothing to do.
     pub fn next(&mut self, worker: WorkerId, now: Duration) -> Option<Task> {
         let seat = self.seats.get(&worker)?;
         if seat.doing.is_some() || seat.not_before > now || self.has_given_up(worker) || self.is_to_blame(worker) {
@@ -265,7 +266,7 @@ impl Desk {
         Some(task)
     }
 
-    /// It failed so often at the revision that it gets no more of it.
+    /// Whether the worker failed so often at this revision that it gets no more of it.
     fn has_given_up(&self, worker: WorkerId) -> bool {
         self.failures.get(&worker).is_some_and(|failures| *failures >= FAILURES)
     }
@@ -274,7 +275,7 @@ impl Desk {
         self.failed.get(&what).is_some_and(|failed| failed.contains(&worker))
     }
 
-    /// Whether a worker may have a task: none that it failed at, as long as there is another who has not.
+    /// Whether a worker may have a task. One that failed at it may not, as long as another has not.
     fn may_have(&self, worker: WorkerId, what: What) -> bool {
         let Some(failed) = self.failed.get(&what).filter(|failed| failed.contains(&worker)) else {
             return true;
@@ -283,7 +284,7 @@ impl Desk {
         !others.any(|other| !failed.contains(other) && !self.has_given_up(*other) && !self.is_to_blame(*other))
     }
 
-    /// What another worker has not brought in time; so long is that where nothing is known of such tasks.
+    /// A task that another worker has not delivered in time. `unknown`: the time where no such task has been timed.
     fn late_for(&mut self, worker: WorkerId, now: Duration, unknown: Duration) -> Option<What> {
         let patience = |what: What| {
             let usual = match what {
@@ -307,7 +308,7 @@ impl Desk {
         Some(what)
     }
 
-    /// The next sketch or pass that nobody has.
+    /// The next sketch or pass that no worker has.
     fn fresh_for(&mut self, worker: WorkerId) -> Option<What> {
         while self.next_step < self.steps.len() {
             let what = What::Sketch(self.next_step);
@@ -315,7 +316,7 @@ impl Desk {
                 return None;
             }
             self.next_step += 1;
-            // At a sketch that all failed at nobody tries once more.
+            // Skip a sketch that all have failed at.
             if !self.has_failed_at(worker, what) {
                 return Some(what);
             }
@@ -346,7 +347,7 @@ impl Desk {
                 };
                 let sketch = Work::Sketch {
                     settings,
-                    // The same in all revisions: noise stands still.
+                    // The same in all revisions, so that noise stands still.
                     index: number as u64,
                     origin: self.style.origin,
                 };
@@ -372,13 +373,13 @@ impl Desk {
         })
     }
 
-    /// The size of what a worker is rendering, if it is this task.
+    /// The size of the task that the worker is rendering, if it is this one.
     pub fn size_of(&self, worker: WorkerId, task: TaskNumber) -> Option<[u32; 2]> {
         let doing = self.seats.get(&worker)?.doing?;
         (doing.task.number == task).then_some([doing.task.width, doing.task.height])
     }
 
-    /// A worker says that it does not render a task, which nobody told it to drop.
+    /// A worker refuses a task that nobody told it to drop.
     pub fn give_back(&mut self, worker: WorkerId, task: TaskNumber) {
         if let Some(doing) = self.release(worker, task) {
             self.fail(worker, doing);
@@ -393,9 +394,9 @@ impl Desk {
         }
     }
 
-    /// A worker has rendered what others may have failed at, or have not brought.
+    /// A worker has rendered a task that others may have failed at or not delivered.
     fn has_done(&mut self, worker: WorkerId, done: Doing, took: Duration, now: Duration) {
-        // What failed is of the last revision alone.
+        // Failures are recorded for the last revision only.
         let is_last = done.task.revision == self.revision;
         let failed = is_last.then(|| self.failed.remove(&done.what)).flatten();
         for failed in failed.unwrap_or_default() {
@@ -417,7 +418,7 @@ impl Desk {
         }
     }
 
-    /// A worker has rendered a task. `took`: from its order to its picture; `now`: as for [`Self::next`].
+    /// A worker has rendered a task. `took`: from order to delivery; `now`: as for [`Self::next`].
     pub fn finish(
         &mut self,
         worker: WorkerId,
@@ -461,7 +462,7 @@ impl Desk {
                 Verdict::Sketch { revision, step, steps }
             }
             What::Pass(pass_index) => {
-                // Those of older revisions were dropped and released.
+                // Passes of older revisions were dropped and released.
                 let Some(passes) = self.passes.as_mut().filter(|_| revision == self.revision) else {
                     return Verdict::Late;
                 };
@@ -487,12 +488,12 @@ impl Desk {
         }
     }
 
-    /// The passes of the last revision: their job and their sum.
+    /// The last revision's passes: their job and their sum.
     pub fn passes(&self) -> Option<(&Job, &TreeSum)> {
         self.passes.as_ref().map(|passes| (&passes.job, &passes.sum))
     }
 
-    /// Whether so much went wrong with the last revision that nobody gets any more of it.
+    /// Whether every worker has failed too often at the last revision to get more of it.
     pub fn has_failed(&self) -> bool {
         let mut workers = self.seats.keys();
         !self.seats.is_empty() && workers.all(|worker| self.has_given_up(*worker))
@@ -507,7 +508,7 @@ impl Desk {
         if doing.task.revision != self.revision {
             return;
         }
-        // Another one has it as well, and it is late again if that one does not bring it.
+        // Another worker has it as well; its copy counts as late again if it does not deliver.
         let mut has_another = false;
         for other in self.seats.values_mut().filter_map(|seat| seat.doing.as_mut()) {
             if other.what == doing.what && other.task.revision == doing.task.revision {
@@ -518,7 +519,7 @@ impl Desk {
             return;
         }
         match doing.what {
-            // Finer ones that were handed out meanwhile will be handed out again, and only count where they are better.
+            // Finer sketches that were handed out meanwhile are handed out again, and count only if they are better.
             What::Sketch(step) => self.next_step = self.next_step.min(step),
             What::Pass(pass_index) => {
                 if let Some(passes) = &mut self.passes {

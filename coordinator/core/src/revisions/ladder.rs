@@ -1,8 +1,8 @@
-//! How coarse sketches are: few pixels and photons while things move, more of both as long as nothing does.
+//! How coarse sketches are: few pixels and photon paths while things move, more of both while nothing does.
 
 use std::time::Duration;
 
-/// Widths of the coarsest sketch and its photon paths, from what a slow machine shows in time to what a quick one does.
+/// Width and photon paths of the coarsest sketch, from what a slow machine can show in time to what a fast one can.
 const COARSEST: [(u32, u32); 8] = [
     (64, 500),
     (96, 700),
@@ -14,27 +14,27 @@ const COARSEST: [(u32, u32); 8] = [
     (400, 2000),
 ];
 const FIRST: usize = 3;
-/// The same of the very first sketch, of a scene of which nothing is known: even one that is very slow shows something.
+/// The same for the first sketch of an unknown scene: even a very slow scene shows something.
 const GLANCE: (u32, u32) = (32, 64);
-/// Time of the coarsest sketch above which the next one is coarser, and below which it is finer.
+/// Above `SLOW` the next coarsest sketch is coarser, below `QUICK` it is finer.
 const SLOW: Duration = Duration::from_millis(42);
 const QUICK: Duration = Duration::from_millis(18);
-/// A step has so many times the pixels along each side of the one before, and so many times the paths.
+/// Each step multiplies the pixels along each side and the photon paths by these.
 const PIXELS: u32 = 2;
 const PATHS: u32 = 2;
 
 /// A sketch's size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Pixels a row.
+    /// Width in pixels.
     pub width: u32,
-    /// Rows.
+    /// Height in pixels.
     pub height: u32,
     /// Photon paths.
     pub paths: u32,
 }
 
-/// The steps of sketches, from one that is there at once to one of full size.
+/// The steps of sketches, from one that appears at once to full size.
 #[derive(Clone, Debug)]
 pub struct Ladder {
     full: [u32; 2],
@@ -42,7 +42,7 @@ pub struct Ladder {
 }
 
 impl Ladder {
-    /// Up to a picture of this many pixels a row, and rows.
+    /// Steps up to a picture of this width and height in pixels.
     pub fn new(full: [u32; 2]) -> Self {
         Self {
             full: full.map(|side| side.max(1)),
@@ -50,12 +50,12 @@ impl Ladder {
         }
     }
 
-    /// The same, up to another size. What was learnt stays.
+    /// Change the full size, and keep what was learnt.
     pub fn resize(&mut self, full: [u32; 2]) {
         self.full = full.map(|side| side.max(1));
     }
 
-    /// What is shown before anything else of a scene.
+    /// The first sketch of a scene.
     pub fn glance(&self) -> Step {
         let (width, paths) = GLANCE;
         self.step(width.min(self.full[0]), paths)
@@ -71,13 +71,13 @@ impl Ladder {
         }
     }
 
-    /// From coarse to fine; one at least.
+    /// The steps from coarse to fine; at least one.
     pub fn steps(&self) -> Vec<Step> {
         let full_width = self.full[0];
         let (mut width, mut paths) = COARSEST[self.coarsest];
         let mut steps = Vec::new();
         loop {
-            // Less than a step below the full size there is no step between.
+            // No step lies within a factor 1.5 of the full width.
             let is_last = 3 * width >= 2 * full_width;
             let width_here = if is_last { full_width } else { width };
             steps.push(self.step(width_here, paths));
@@ -89,7 +89,7 @@ impl Ladder {
         }
     }
 
-    /// Note how long the coarsest sketch took, so that the next one takes neither long nor less than it may.
+    /// Note how long the coarsest sketch took, and adjust the next one.
     pub fn learn(&mut self, took: Duration) {
         if took > 3 * SLOW {
             self.coarsest = self.coarsest.saturating_sub(2);

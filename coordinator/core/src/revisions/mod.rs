@@ -1,5 +1,5 @@
-//! A scene that changes while it is looked at: workers render revisions of it, and whoever looks sees what there is of
-//! the newest. [`desk`] decides who renders what; `service` speaks with the workers.
+//! A scene that changes while it is rendered: workers render its revisions, and viewers see the best picture of the
+//! newest one. [`desk`] decides who renders what; `service` talks to the workers.
 
 pub mod desk;
 pub mod ladder;
@@ -20,30 +20,30 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
-/// What there is to see of a revision.
+/// The current picture of a revision.
 #[derive(Clone, Debug)]
 pub struct Picture {
-    /// Of which.
+    /// The revision.
     pub revision: RevisionNumber,
     /// How good it is.
     pub quality: Quality,
-    /// Steps of its sketches.
+    /// The number of its sketches' steps.
     pub steps: usize,
-    /// What is seen.
+    /// The picture itself.
     pub content: Content,
 }
 
-/// What is seen.
+/// What a picture is made of.
 #[derive(Clone, Debug)]
 pub enum Content {
     /// A sketch.
     Sketch(Arc<Film>),
-    /// The true average.
+    /// The average of passes.
     Average(Arc<Average>),
 }
 
 impl Content {
-    /// Radiance.
+    /// Its radiance.
     pub fn film(&self) -> &Film {
         match self {
             Self::Sketch(film) => film,
@@ -52,16 +52,16 @@ impl Content {
     }
 }
 
-/// What a worker says of a picture that it delivers.
+/// What a worker reports about a picture that it delivers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Outcome {
     pub task: TaskNumber,
-    /// From its order to its picture.
+    /// Time from order to delivery.
     pub took: Duration,
     pub stats: PassStats,
 }
 
-/// The newest revision for workers, and the files that it names.
+/// The newest revision for workers, and its files.
 struct Published {
     revision: Option<Arc<Revision>>,
     files: BTreeMap<FileHash, Bytes>,
@@ -71,12 +71,12 @@ struct Published {
 pub struct Revisions {
     desk: Mutex<Desk>,
     published: Mutex<Published>,
-    /// Hash of the test picture as this machine renders it.
+    /// Hash of the test picture as rendered by this machine.
     canary: [u8; 32],
-    /// Wakes those who hand out.
+    /// Wakes the tasks that hand out work.
     news: watch::Sender<u64>,
     pictures: watch::Sender<Option<Arc<Picture>>>,
-    /// What went wrong last with a task of the newest revision.
+    /// The last problem with a task of the newest revision.
     trouble: watch::Sender<Option<String>>,
     over: watch::Sender<bool>,
     delivered: AtomicU64,
@@ -86,8 +86,8 @@ pub struct Revisions {
 }
 
 impl Revisions {
-    /// With sketches of up to this size. `canary`: hash of the test picture that this machine renders, which workers
-    /// must render as well.
+    /// A view with sketches up to this size. `canary`: hash of the test picture as rendered by this machine; workers
+    /// must match it.
     pub fn new(full: [u32; 2], style: Style, canary: [u8; 32]) -> Arc<Self> {
         Arc::new(Self {
             desk: Mutex::new(Desk::new(full, style)),
@@ -106,7 +106,7 @@ impl Revisions {
         })
     }
 
-    /// The scene has changed. `files`: what the revision's manifest names beside the scene file.
+    /// The scene has changed. `files`: what the revision's manifest lists besides the scene file.
     pub fn revise(&self, revision: Revision, files: BTreeMap<FileHash, Bytes>, full: [u32; 2], style: Style) {
         let number = revision.number;
         {
@@ -120,13 +120,13 @@ impl Revisions {
         self.wake();
     }
 
-    /// What the passes of a revision are is known: they are rendered when its sketches are.
+    /// Set what the passes of a revision render. They are rendered after its sketches.
     pub fn settle(&self, revision: RevisionNumber, job: Job) {
         self.desk().settle(revision, job);
         self.wake();
     }
 
-    /// So many passes of the newest revision in all.
+    /// Set the total number of passes of the newest revision.
     pub fn extend(&self, limit: u64) {
         self.desk().extend(limit);
         self.wake();
@@ -137,22 +137,22 @@ impl Revisions {
         self.pictures.subscribe()
     }
 
-    /// What goes wrong.
+    /// Problems, as they occur.
     pub fn trouble(&self) -> watch::Receiver<Option<String>> {
         self.trouble.subscribe()
     }
 
-    /// Workers that are there.
+    /// The number of workers present.
     pub fn workers(&self) -> usize {
         self.desk().workers()
     }
 
-    /// Pictures that workers have delivered.
+    /// The number of pictures delivered by workers.
     pub fn delivered(&self) -> u64 {
         self.delivered.load(Ordering::Relaxed)
     }
 
-    /// The job of the newest revision, if it is known.
+    /// The job of the newest revision, once known.
     pub fn job(&self) -> Option<Job> {
         self.desk().passes().map(|(job, _)| job.clone())
     }
@@ -183,9 +183,9 @@ impl Revisions {
         self.wake();
     }
 
-    /// What a worker has to drop, and what it is to do next, with the revision that this is about.
+    /// The task that a worker must drop, and its next task with the revision.
     pub(crate) fn orders(&self, worker: WorkerId) -> (Option<TaskNumber>, Option<(Arc<Revision>, Task)>) {
-        // Together: a task is of the revision that is published.
+        // Both under one lock, so that the task belongs to the published revision.
         let published = self.published();
         let now = self.started.elapsed();
         let mut desk = self.desk();
@@ -195,7 +195,7 @@ impl Revisions {
         (dropped, task)
     }
 
-    /// Whether the worker is to go; it is not taken in again.
+    /// Whether the worker must go. It is not admitted again.
     pub(crate) fn sends_away(&self, worker: WorkerId, key: Fingerprint) -> bool {
         let is_to_blame = self.desk().is_to_blame(worker);
         if is_to_blame {
@@ -220,7 +220,7 @@ impl Revisions {
         self.wake();
     }
 
-    /// Take a picture in, if it still counts. An error is the worker's fault.
+    /// Take in a picture if it still counts. An error is the worker's fault.
     pub(crate) async fn deliver(self: &Arc<Self>, worker: WorkerId, outcome: Outcome, film: Film) {
         self.delivered.fetch_add(1, Ordering::Relaxed);
         let verdict = match outcome.stats.non_finite {
@@ -246,7 +246,7 @@ impl Revisions {
             Verdict::Pass { revision, prefix } => {
                 let sum = self.desk().passes().map(|(_, sum)| sum.clone());
                 let revisions = self.clone();
-                // Not waited for: the worker has its next task meanwhile.
+                // Not awaited: the worker gets its next task meanwhile.
                 tokio::task::spawn_blocking(move || {
                     if let Some(average) = sum.and_then(|sum: TreeSum| sum.average_of(prefix)) {
                         revisions.show(Picture {
@@ -265,7 +265,7 @@ impl Revisions {
         self.published().files.get(&hash).cloned()
     }
 
-    /// Show a picture, unless there is a newer or better one.
+    /// Show a picture, unless a newer or better one is shown.
     fn show(&self, picture: Picture) {
         self.pictures.send_if_modified(|shown| {
             let order = |picture: &Picture| (picture.revision, picture.quality);

@@ -16,13 +16,13 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 use tracing::{Instrument, info, warn};
 
-/// Workers at a time.
+/// The most workers at a time.
 const WORKERS: usize = 1024;
 /// Longest name and message that are logged, in bytes.
 const TEXT_BYTES: usize = 1000;
-/// Bytes of a pixel.
+/// Bytes per pixel.
 const PIXEL: usize = 12;
-/// Time between looks for what others do not bring.
+/// Time between checks for late tasks.
 const LOOK: Duration = Duration::from_secs(1);
 /// Why a worker is sent away.
 const SENT_AWAY: &str = "it failed too often at what other workers could render";
@@ -109,7 +109,7 @@ impl RevisionsService for Service {
     ) -> Result<Response<Self::FetchFileStream>, Status> {
         let hash = FileHash::from_wire(&request.into_inner().hash, "hash")?;
         let Some(bytes) = self.revisions.file(hash) else {
-            // The next revision may have come meanwhile: no reason to give up.
+            // The next revision may have come meanwhile, which is no reason to give up.
             return Err(Status::not_found(format!(
                 "no file of this revision has the hash {hash}"
             )));
@@ -118,7 +118,7 @@ impl RevisionsService for Service {
     }
 }
 
-/// A picture on its way in.
+/// A picture that is arriving.
 struct Arriving {
     outcome: Outcome,
     size: [u32; 2],
@@ -129,9 +129,9 @@ struct Arriving {
 struct Attendance {
     revisions: Arc<Revisions>,
     worker: WorkerId,
-    /// What it is known by.
+    /// The fingerprint that it is known by.
     key: Fingerprint,
-    /// The revision that the worker knows.
+    /// The revision that the worker has been sent.
     told: Option<RevisionNumber>,
     arriving: Option<Arriving>,
 }
@@ -146,7 +146,7 @@ impl Attendance {
     async fn run(mut self, mut reports: Streaming<wire::Report>, orders: Orders) {
         let mut news = self.revisions.news();
         let mut over = self.revisions.is_over();
-        // When the task that is under way was handed out.
+        // When the current task was handed out.
         let mut begun = Instant::now();
         loop {
             match self.give_orders(&orders).await {
@@ -168,11 +168,11 @@ impl Attendance {
                             break;
                         }
                     }
-                    // Hung up, cut off, or not making sense.
+                    // Hung up, was cut off, or sent nonsense.
                     _ => break,
                 },
                 _ = news.changed() => {}
-                // What others have not brought in time is told by no news.
+                // Nothing notifies of late tasks.
                 () = tokio::time::sleep(LOOK) => {}
                 () = becomes_true(&mut over) => break,
                 () = orders.closed() => break,
@@ -181,7 +181,7 @@ impl Attendance {
         info!(worker = self.worker.0, "a worker has gone");
     }
 
-    /// Whether a task was handed out.
+    /// Returns whether a task was handed out.
     async fn give_orders(&mut self, orders: &Orders) -> Result<bool, ()> {
         let (dropped, next) = self.revisions.orders(self.worker);
         let mut messages = Vec::new();
@@ -203,13 +203,13 @@ impl Attendance {
         Ok(is_new)
     }
 
-    /// The error is the worker's fault.
+    /// An error is the worker's fault.
     async fn take(&mut self, part: Part, begun: Instant) -> Result<(), String> {
         match part {
             Part::Greeting(_) => Err("a second greeting".into()),
             Part::Outcome(outcome) => {
                 let task = TaskNumber(outcome.task);
-                // Of one that nobody wants any more nothing is kept.
+                // Keep nothing of a picture that is no longer wanted.
                 let size = self.revisions.size_of(self.worker, task).unwrap_or([0, 0]);
                 let outcome = Outcome {
                     task,
@@ -262,7 +262,7 @@ impl Attendance {
 }
 
 async fn becomes_true(value: &mut watch::Receiver<bool>) {
-    // An error means that the sender is gone, with the same consequence.
+    // An error means that the sender is gone, which has the same effect.
     let _ = value.wait_for(|value| *value).await;
 }
 

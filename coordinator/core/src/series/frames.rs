@@ -1,17 +1,17 @@
-//! The jobs of a series as a list for people.
+//! The jobs of a series as a list of frames.
 
 use std::path::PathBuf;
 
-/// How a frame stands.
+/// The state of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameState {
-    /// Its turn has not come.
+    /// Not started.
     Waiting,
-    /// Passes of it are handed out.
+    /// Its passes are being handed out.
     Rendering,
     /// Its image is written.
     Done,
-    /// Its image was there already.
+    /// Its image already existed.
     Kept,
     /// It was ended before it was complete.
     Stopped,
@@ -20,7 +20,7 @@ pub enum FrameState {
 }
 
 impl FrameState {
-    /// One word.
+    /// The state as one word.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Waiting => "waiting",
@@ -36,24 +36,24 @@ impl FrameState {
 /// A frame in the list.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameView {
-    /// Which one.
+    /// Its number.
     pub frame: i64,
-    /// How it stands.
+    /// Its state.
     pub state: FrameState,
-    /// Passes of its image.
+    /// Passes in its image.
     pub passes: u64,
     /// Relative standard error of its image.
     pub error: Option<f64>,
-    /// Time that it took, seconds.
+    /// Time spent on it, seconds.
     pub seconds: Option<f64>,
     /// Why it failed.
     pub message: Option<String>,
-    /// Its picture as a PNG, once it is written.
+    /// Path of its PNG, once written.
     pub picture: Option<PathBuf>,
 }
 
 impl FrameView {
-    /// A frame that waits.
+    /// A frame that has not started.
     pub fn waiting(frame: i64) -> Self {
         Self {
             frame,

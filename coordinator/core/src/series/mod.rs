@@ -1,9 +1,8 @@
-//! Jobs one after the other with the same workers, as the frames of an animation are. A single job is a series of one.
+//! Jobs that share workers one after another, such as the frames of an animation. A single job is a series of one.
 //!
-//! Of the jobs that are open, at most two, workers belong at the first that has something for them. One for which its
-//! job has nothing is told to go to another that has, and back when there is something again: a block that was lost, a
-//! copy that nobody else may check. A job that follows is opened as soon as those that are open have nothing to lease,
-//! so that nobody waits for the last passes of others.
+//! At most two jobs are open. A worker belongs to the first that has work for it. If its job has none, it is sent to
+//! the other, and called back when there is work again: a lost block, or a copy that nobody else may check. The next
+//! job opens as soon as the open ones have nothing to lease, so that nobody waits for the last passes of others.
 
 mod frames;
 mod workers;
@@ -24,34 +23,34 @@ use tokio::sync::Notify;
 use tokio::task::{AbortHandle, JoinSet};
 use tracing::Instrument;
 
-/// Jobs that are open at the same time.
+/// Jobs that may be open at the same time.
 const OPEN: usize = 2;
-/// Time between looks at what is not told at once.
+/// Time between checks for what is not notified.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Jobs one after the other.
+/// Jobs that run one after another.
 pub struct Series {
-    /// There are other jobs than one.
+    /// Whether there is more than one job.
     is_of_several: bool,
-    /// Who works for any of them.
+    /// The workers of all jobs.
     crew: Arc<Crew>,
     state: Mutex<State>,
-    /// Told when a job is opened, ends or is closed, and when no more will come.
+    /// Notified when a job opens, ends or is closed, and when no more will come.
     news: Notify,
-    /// Told when a worker finds nothing to do.
+    /// Notified when a worker finds nothing to do.
     hunger: Notify,
 }
 
 struct State {
-    /// Those that are open, in line.
+    /// The open jobs, in order.
     places: Vec<Arc<Workplace>>,
-    /// The last that was opened.
+    /// The job that was opened last.
     last: Arc<Workplace>,
-    /// No more will be.
+    /// Whether no more jobs will be opened.
     is_sealed: bool,
     is_cancelled: bool,
     is_paused: bool,
-    /// Passes of those that are closed.
+    /// Passes of closed jobs.
     passes: u64,
     convicted: Vec<Who>,
     frames: BTreeMap<i64, FrameView>,
@@ -95,12 +94,12 @@ impl Series {
         })
     }
 
-    /// Whether there are other jobs than one.
+    /// Whether there is more than one job.
     pub(crate) fn is_of_several(&self) -> bool {
         self.is_of_several
     }
 
-    /// One more job, the last in line.
+    /// Open another job, the last in line.
     pub fn open(&self, watch: Arc<Watch>) {
         let mut state = self.state();
         if state.is_paused {
@@ -117,7 +116,7 @@ impl Series {
         self.tell();
     }
 
-    /// The job is over, and all that it leaves is written.
+    /// The job is over and its output is written.
     pub fn close(&self, watch: &Arc<Watch>) {
         let mut state = self.state();
         let Some(i) = state.places.iter().position(|place| Arc::ptr_eq(&place.watch, watch)) else {
@@ -136,7 +135,7 @@ impl Series {
         self.tell();
     }
 
-    /// End all jobs with what is there, and open no more.
+    /// End all jobs with the passes that are done, and open no more.
     pub fn cancel(&self) {
         let mut state = self.state();
         state.is_cancelled = true;
@@ -146,12 +145,12 @@ impl Series {
         self.tell();
     }
 
-    /// Whether somebody did so.
+    /// Whether the series was cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.state().is_cancelled
     }
 
-    /// Give no more passes away, or do so again.
+    /// Pause or resume handing out passes.
     pub fn pause(&self, paused: bool) {
         let mut state = self.state();
         state.is_paused = paused;
@@ -161,31 +160,31 @@ impl Series {
         self.tell();
     }
 
-    /// The job that is first in line; the last one when all are over.
+    /// The first job in line; the last one when all are over.
     pub fn current(&self) -> Arc<Watch> {
         let state = self.state();
         let first = state.places.iter().find(|place| !place.has_ended());
         first.unwrap_or(&state.last).watch.clone()
     }
 
-    /// All jobs are over, and no more will come.
+    /// Whether all jobs are over and no more will come.
     pub fn is_over(&self) -> bool {
         let state = self.state();
         (state.is_sealed || state.is_cancelled) && state.places.iter().all(|place| place.has_ended())
     }
 
-    /// Resolves when it is.
+    /// Resolves when the series is over.
     pub async fn over(&self) {
         self.until(|| self.is_over()).await;
     }
 
-    /// Resolves when this job is the first in line, or over.
+    /// Resolves when this job is first in line, or over.
     pub async fn first_in_line(&self, watch: &Arc<Watch>) {
         let is_first = || Arc::ptr_eq(&self.current(), watch) || watch.farm().end().is_some();
         self.until(is_first).await;
     }
 
-    /// Resolves when the job that follows is wanted, or when there shall be none; whether it is.
+    /// Resolves to true when the next job is wanted, to false when the series is cancelled.
     pub async fn wants_another(&self) -> bool {
         loop {
             let news = self.news.notified();
@@ -202,7 +201,7 @@ impl Series {
         }
     }
 
-    /// There are not too many, and those that there are have nothing to lease.
+    /// Whether another job may open: few enough are open, and none of them has anything to lease.
     fn has_room(&self) -> bool {
         let state = self.state();
         let (open, is_paused) = (state.places.clone(), state.is_paused);
@@ -210,7 +209,7 @@ impl Series {
         open.len() < OPEN && !is_paused && open.iter().all(|place| place.farm().openings(None, false) == 0)
     }
 
-    /// Passes that counted, of all jobs so far.
+    /// Passes that count, over all jobs so far.
     pub fn passes(&self) -> u64 {
         let state = self.state();
         let (open, before) = (state.places.clone(), state.passes);
@@ -218,7 +217,7 @@ impl Series {
         before + open.iter().map(|place| place.farm().progress().passes).sum::<u64>()
     }
 
-    /// Workers that delivered wrong pixels for any of the jobs.
+    /// Workers that delivered wrong pixels for any job.
     pub fn convicted(&self) -> Vec<Who> {
         let state = self.state();
         let open = state.places.iter().flat_map(|place| place.farm().convicted());
@@ -229,9 +228,9 @@ impl Series {
         all
     }
 
-    /// Let a job know of all of them.
+    /// Tell a job about all convicted workers.
     pub(crate) fn tell_of_convicted(&self, place: &Workplace) {
-        // Every call comes by here: a single job knows its own.
+        // Every call comes through here; a single job knows its own.
         if !self.is_of_several {
             return;
         }
@@ -241,17 +240,17 @@ impl Series {
         }
     }
 
-    /// Enter a frame into the list, or how it stands now.
+    /// Add a frame to the list, or update it.
     pub fn note_frame(&self, view: FrameView) {
         self.state().frames.insert(view.frame, view);
     }
 
-    /// The list.
+    /// The list of frames.
     pub fn frames(&self) -> Vec<FrameView> {
         self.state().frames.values().cloned().collect()
     }
 
-    /// Do what time brings to the jobs that are open, forever.
+    /// Run the periodic work of the open jobs, forever.
     pub(crate) async fn run(self: &Arc<Self>) -> Infallible {
         let mut tasks = JoinSet::new();
         let mut running: BTreeMap<u64, AbortHandle> = BTreeMap::new();
@@ -284,20 +283,20 @@ impl Series {
         }
     }
 
-    /// Resolves when no worker is left at the last of them.
+    /// Resolves when no worker is left at the last job.
     pub(crate) async fn deserted(&self) {
         let last = self.state().last.clone();
         last.farm().deserted().await;
     }
 
-    /// A file of the jobs that are open.
+    /// A file of an open job.
     pub(crate) fn file(&self, hash: FileHash) -> Option<Bytes> {
         let state = self.state();
         let mut places = state.places.iter().chain([&state.last]);
         places.find_map(|place| place.farm().file(hash))
     }
 
-    /// The job of this number, as long as it is open or the last.
+    /// The job with this number, if it is open or the last.
     pub(crate) fn place(&self, job: u64) -> Option<Arc<Workplace>> {
         let state = self.state();
         let mut places = state.places.iter().chain([&state.last]);
@@ -314,7 +313,7 @@ impl Series {
             if is_so() {
                 return;
             }
-            // Ends of jobs are told a moment after they are there.
+            // A job's end is announced a moment after it happened.
             let _ = tokio::time::timeout(LOOK, news).await;
         }
     }

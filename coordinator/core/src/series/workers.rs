@@ -1,4 +1,4 @@
-//! At which of the jobs workers are.
+//! Which worker is at which job.
 
 use super::{Series, Workplace};
 use crate::keys::{Seat, Seats};
@@ -9,9 +9,9 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{Instant, timeout_at};
 
-/// Time between looks at whether another job has work again, of which nothing tells.
+/// Time between checks whether another job has work again, as nothing notifies of it.
 const LOOK: Duration = Duration::from_millis(200);
-/// A worker that registers when nothing is to be leased waits so long for the job that follows.
+/// How long a worker that registers waits for the next job when there is nothing to lease.
 const FOR_WORK: Duration = Duration::from_secs(1);
 /// The same when there is no job at all.
 const FOR_A_JOB: Duration = Duration::from_secs(5);
@@ -19,16 +19,16 @@ const FOR_A_JOB: Duration = Duration::from_secs(5);
 /// Where a worker that registers belongs.
 enum Belongs {
     At(Arc<Workplace>),
-    /// Nothing is to be leased anywhere; there if it stays like this.
+    /// Nothing to lease anywhere; the worker goes to this job if nothing changes.
     Nowhere(Option<Arc<Workplace>>),
 }
 
 impl Series {
-    /// Where a worker that registers belongs, who may have been elsewhere before. `held`: the scene of which it has
-    /// blocks. `None` after a while in which there was no job.
+    /// The job for a worker that registers. `seats`: where it was before, if anywhere. `held`: the scene of the blocks
+    /// that it has. `None` if no job turned up in time.
     pub(crate) async fn place_for(&self, seats: Option<&Seats>, held: Option<SceneHash>) -> Option<Arc<Workplace>> {
         let begun = Instant::now();
-        // Wherever it was called to, it is not on the way any more.
+        // Wherever it was called to, it is no longer on its way.
         if let Some(seats) = seats {
             self.open_places()
                 .iter()
@@ -43,7 +43,7 @@ impl Series {
                     self.hunger.notify_one();
                     let patience = if fallback.is_some() { FOR_WORK } else { FOR_A_JOB };
                     let until = begun + patience;
-                    // It is there, and may be called to what nothing tells of.
+                    // It is present, and may be called to work that nothing notifies of.
                     seats.inspect(|seats| self.seen(seats));
                     is_news = timeout_at(until.min(Instant::now() + LOOK), news).await.is_ok();
                     if Instant::now() >= until {
@@ -54,7 +54,7 @@ impl Series {
         }
     }
 
-    /// `for_copies`: what others take long for is work, too.
+    /// `for_copies`: tasks that others are slow at count as work too.
     fn belongs(&self, seats: Option<&Seats>, held: Option<SceneHash>, for_copies: bool) -> Belongs {
         let is_over = self.is_over();
         let state = self.state();
@@ -84,7 +84,7 @@ impl Series {
         }
     }
 
-    /// The next block for a worker at its job, or the word that it is wanted at another.
+    /// The worker's next block at its job, or the message that another job wants it.
     pub(crate) async fn lease(&self, place: &Arc<Workplace>, seats: &Seats) -> Result<Grant, LedgerError> {
         let worker = seats.now.worker;
         if !self.is_of_several() {
@@ -94,7 +94,7 @@ impl Series {
             return Ok(self.send(place, seats));
         }
         tokio::select! {
-            // A block that was leased has to arrive.
+            // A leased block must reach the worker.
             biased;
             grant = place.farm().lease(worker) => match grant? {
                 Grant::Done if self.goes_on() => Ok(self.send(place, seats)),
@@ -109,12 +109,12 @@ impl Series {
         Grant::Elsewhere
     }
 
-    /// There are jobs that are not over, or will be.
+    /// Whether some job is not over, or more will come.
     pub(crate) fn goes_on(&self) -> bool {
         self.is_of_several() && !self.is_over()
     }
 
-    /// Resolves when another job has something for a worker whose own has not.
+    /// Resolves when another job has work for the worker.
     async fn work_elsewhere(&self, seats: &Seats) {
         loop {
             let news = self.news.notified();
@@ -126,12 +126,12 @@ impl Series {
         }
     }
 
-    /// Whether one of these jobs, and not the worker's own, calls it.
+    /// Whether one of these jobs, other than the worker's own, calls it.
     fn is_called(&self, seats: &Seats, is_idle: bool, which: impl Fn(&Workplace) -> bool) -> bool {
         let mut others = self.open_places();
         others.retain(|place| place.number != seats.now.job && !place.has_ended() && which(place));
         let mut others = others.iter();
-        // Whoever has not been found to render what others do may come, and nobody relies on it.
+        // An unproven worker may come, but is not counted on.
         let own = self.place(seats.now.job);
         let is_reliable = own.is_some_and(|own| own.farm().is_reliable(seats.now.worker));
         others.any(|place| {
@@ -145,7 +145,7 @@ impl Series {
         self.crew.left(seats.own);
     }
 
-    /// A sign of life, for the jobs that the worker may be called back to.
+    /// A sign of life for the jobs that may call the worker back.
     pub(crate) fn seen(&self, seats: &Seats) {
         if self.is_of_several() {
             self.crew.seen(seats.own);

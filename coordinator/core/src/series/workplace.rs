@@ -13,20 +13,20 @@ use std::time::Duration;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 use tracing::{Span, error_span};
 
-/// A worker that was called and has not come by then will not come.
+/// A worker that was called and has not come after this time is not expected any more.
 const ON_THE_WAY: Duration = Duration::from_secs(5);
 
 /// A job that workers may be at.
 pub(crate) struct Workplace {
-    /// Of the job in its series.
+    /// The job's number in its series.
     pub number: u64,
     pub watch: Arc<Watch>,
     pub intake: Arc<Intake>,
-    /// Leases whose block is on its way in.
+    /// Leases whose block is arriving.
     pub arriving: Arriving,
-    /// Workers that are on the way, by where they were called from, and when.
+    /// Workers on their way here: where they were called from, and when.
     called: Mutex<Vec<(Seat, Instant)>>,
-    /// So many workers are convicted, as far as the job knows.
+    /// The number of convicted workers that the job knows of.
     convicted: AtomicUsize,
 }
 
@@ -52,13 +52,13 @@ impl Workplace {
         self.farm().end().is_some()
     }
 
-    /// For lines of the log, in a series of several.
+    /// The span for log lines, in a series of several jobs.
     pub fn span(&self) -> Span {
         error_span!("job", job = self.watch.id())
     }
 
-    /// Call this worker, if there is work for more than those that are on the way. `is_reliable`: that it comes can
-    /// be relied on.
+    /// Call this worker if there is more work than workers on their way. `is_reliable`: whether to count it as on its
+    /// way.
     pub fn call(&self, worker: Seat, openings: u64, is_reliable: bool) -> bool {
         let mut called = self.called();
         let longest = ON_THE_WAY.min(self.farm().timing().lease);
@@ -70,17 +70,17 @@ impl Workplace {
         is_wanted
     }
 
-    /// Whether the job does not know yet that so many workers are convicted. Now it does.
+    /// Whether this number of convicted workers is new to the job. It is recorded.
     pub fn is_news(&self, convicted: usize) -> bool {
         self.convicted.swap(convicted, Ordering::Relaxed) != convicted
     }
 
-    /// The worker has come, here or elsewhere.
+    /// The worker has arrived, here or elsewhere.
     pub fn expect_no_more(&self, worker: Seat) {
         self.called().retain(|(other, _)| *other != worker);
     }
 
-    /// Do what time brings, forever.
+    /// Run the periodic work, forever.
     pub async fn run(&self) -> Infallible {
         tokio::join!(self.expire(), self.watch.run());
         std::future::pending().await

@@ -1,4 +1,4 @@
-//! Checkpoints: the sum of the passes in one file, which says of itself whether it is whole.
+//! Checkpoints: the sum of the passes in one file, with a checksum that shows whether it is intact.
 //!
 //! A header (magic, format, length of the rest, BLAKE3 of the rest), then the rest; all numbers little-endian.
 
@@ -17,45 +17,46 @@ const FORMAT: u32 = 3;
 const HEADER: usize = 8 + 4 + 8 + 32;
 /// Bytes that are read or written at a time.
 const BUFFER: usize = 1 << 16;
-/// Boundaries below 2^53 passes.
+/// Enough for all boundaries below 2^53 passes.
 const MAX_TESTED: u32 = 128;
-/// Nodes that a sum may have. As many gaps there are not.
+/// The most nodes of a sum: more gaps than any job has.
 const MAX_NODES: u32 = 1 << 24;
 
-/// What a job has reached.
+/// The state of a job.
 #[derive(Clone, Debug)]
 pub struct Checkpoint {
-    /// Checkpoints of a job are numbered.
+    /// The checkpoints of a job are numbered.
     pub number: u64,
-    /// The passes that are there.
+    /// The sum of the passes that are done.
     pub sum: TreeSum,
-    /// Prefixes that were tested, and their errors.
+    /// Prefixes that were tested, with their errors.
     pub tested: Vec<(u64, Errors)>,
-    /// Counters of the passes.
+    /// Statistics of the passes.
     pub stats: PassStats,
-    /// Time that the job has taken, seconds.
+    /// Time spent on the job, seconds.
     pub seconds: f64,
-    /// Bytes of the ledger file whose lines the sum follows. Of what later ones say it may know or not.
+    /// Length of the ledger file in bytes up to which the sum follows its lines. The sum may or may not include later
+    /// ones.
     pub ledger: u64,
 }
 
-/// What the sum of a job looks like, and whose it is.
+/// The dimensions of a job's sum, and the job that it belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Pixels a row.
+    /// Width in pixels.
     pub width: u32,
-    /// Rows.
+    /// Height in pixels.
     pub height: u32,
     /// Numbers of layers.
     pub layers: LayerCounts,
     /// First pass.
     pub first_pass: u64,
-    /// Of the job's description.
+    /// Digest of the job's description.
     pub digest: [u8; 32],
 }
 
 impl Shape {
-    /// Of this job.
+    /// The shape of a described job.
     pub(super) fn of(description: &Description) -> Self {
         Self {
             width: description.width,
@@ -76,13 +77,13 @@ impl Shape {
     }
 }
 
-/// Why a file is no checkpoint of the job.
+/// Why a file is not a checkpoint of the job.
 #[derive(Debug, thiserror::Error)]
 pub enum Damage {
     /// It cannot be read.
     #[error("{0}")]
     Io(#[from] io::Error),
-    /// It is not what was written.
+    /// It does not contain what was written.
     #[error("{0}")]
     Content(String),
 }
@@ -91,7 +92,7 @@ fn damaged<T>(what: impl Into<String>) -> Result<T, Damage> {
     Err(Damage::Content(what.into()))
 }
 
-/// Passes bytes on and keeps their hash.
+/// Passes bytes on and hashes them.
 struct Hashing<W> {
     inner: W,
     hasher: blake3::Hasher,
@@ -111,7 +112,7 @@ impl<W: Write> Write for Hashing<W> {
 }
 
 impl Checkpoint {
-    /// Of no passes.
+    /// A checkpoint without passes.
     pub fn new(shape: &Shape) -> Self {
         Self {
             number: 0,
@@ -123,7 +124,7 @@ impl Checkpoint {
         }
     }
 
-    /// Of what a job has reached, when the ledger file had so many bytes. Its number comes with its place on the disk.
+    /// A checkpoint of a snapshot. `ledger`: length of the ledger file in bytes. Its number is set when it is saved.
     pub fn of(snapshot: Snapshot, ledger: u64) -> Self {
         let Snapshot {
             sum,
@@ -141,7 +142,7 @@ impl Checkpoint {
         }
     }
 
-    /// Write the whole file. Takes no memory to speak of.
+    /// Write the whole file. Needs little memory.
     pub fn write(&self, digest: &[u8; 32], mut file: impl Write + Seek) -> io::Result<()> {
         file.write_all(&[0; HEADER])?;
         let hashing = Hashing {
@@ -217,7 +218,7 @@ impl Checkpoint {
         Ok(())
     }
 
-    /// Read what [`Self::write`] wrote, for a job of this shape. Any change of the bytes is found.
+    /// Read a file that [`Self::write`] wrote, for a job of this shape. Any changed byte is detected.
     pub fn read(shape: &Shape, mut file: impl Read + Seek) -> Result<Self, Damage> {
         let size = file.seek(SeekFrom::End(0))?;
         if size < HEADER as u64 {
@@ -294,7 +295,7 @@ impl Checkpoint {
         if nodes > MAX_NODES {
             return damaged(format!("{nodes} nodes"));
         }
-        // Before there is room made for them.
+        // Check before memory is allocated.
         let pixels = u64::from(shape.width) * u64::from(shape.height);
         if nodes > 0 && pixels.saturating_mul(12) > length {
             return damaged(format!("{length} bytes of content, which is less than an image"));

@@ -1,4 +1,4 @@
-//! job.json: what is rendered.
+//! job.json: what the job renders.
 
 use super::StoreError;
 use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind, Technique, Techniques};
@@ -10,17 +10,17 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Of job.json, ledger.jsonl and report.json. In that of before, a job was also told by the version of the program, and
-/// of passes on processors nobody knew which bits they had.
+/// The format of job.json, ledger.jsonl and report.json. In the previous one, jobs also differed by the program's
+/// version, and passes on processors had no version of their bits.
 pub(super) const FORMAT: u32 = 2;
 const BEFORE: u32 = 1;
 
-/// What a job renders, as job.json says it.
+/// What a job renders, as stored in job.json.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// Version of the format.
     format: u32,
-    /// Version of the program that began it.
+    /// Version of the program that started it.
     pub version: String,
     /// Hash of the scene bundle.
     pub scene: String,
@@ -30,43 +30,44 @@ pub struct Description {
     pub files: Vec<File>,
     /// Seed of the whole job.
     pub seed: u64,
-    /// Trade of variance against bias, as text: not every reader of JSON keeps all bits of a number.
+    /// The schedule's alpha, which trades variance against bias. Stored as text, as not every JSON reader keeps all
+    /// bits of a number.
     pub alpha: String,
     /// When the radius shrinks.
     pub schedule: ScheduleKind,
-    /// Radii for a known number of passes, as text.
+    /// Radii for a known number of passes, stored as text.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<String>,
-    /// Photon paths of a pass.
+    /// Photon paths per pass.
     pub paths_per_pass: u32,
-    /// Photon paths that base radii are meant for.
+    /// Photon paths that base radii refer to.
     pub reference_paths: u32,
-    /// What finds light that media have scattered.
+    /// The technique for light that media scatter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub media_finder: Option<Technique>,
-    /// What finds light that surfaces have scattered.
+    /// The technique for light that surfaces scatter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface_finder: Option<Technique>,
-    /// What finds caustics of large lights.
+    /// The technique for caustics of large lights.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub caustic_finder: Option<Technique>,
-    /// Whether photons are aimed, where the scene does not say it.
+    /// Whether photons are aimed, where the scene leaves it open.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aimed: Option<bool>,
-    /// Engine of the passes with the version of its bits; `None`: processors, before these had any.
+    /// Engine of the passes with the version of its bits; `None`: processors, before their bits had versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub engine: Option<String>,
-    /// Pixels a row.
+    /// Width in pixels.
     pub width: u32,
-    /// Rows.
+    /// Height in pixels.
     pub height: u32,
     /// Names of the layers.
     pub layers: Vec<String>,
     /// First pass.
     pub first_pass: u64,
-    /// First pass that is not to be rendered; `None`: no limit.
+    /// End of the passes, exclusive; `None`: no limit.
     pub passes: Option<u64>,
-    /// What the scene said of it when nobody else did.
+    /// The scene's own number of passes, if it was used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) scene_passes: Option<u64>,
     /// Exposure of the PNG in stops.
@@ -77,12 +78,12 @@ pub struct Description {
     /// The PNG's curve.
     #[serde(default, skip_serializing_if = "is_standard")]
     view: ViewTransform,
-    /// Whether the image gets its standard error.
+    /// Whether the image includes its standard error.
     pub standard_error: bool,
-    /// Whether the scene has photons dropped that miss all targets.
+    /// Whether the scene drops photons that miss all targets.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub drops_photons: bool,
-    /// Depth where nothing is; `None`: infinite.
+    /// Depth of the empty background; `None`: infinite.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub empty_depth: Option<f32>,
 }
@@ -91,16 +92,16 @@ fn is_standard(transform: &ViewTransform) -> bool {
     *transform == ViewTransform::Standard
 }
 
-/// How the image is written; no two jobs differ by it.
+/// How the image is written. Jobs never differ because of it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Looks {
-    /// How the PNG shows it.
+    /// How the PNG displays it.
     pub view: View,
-    /// Whether the image gets its standard error.
+    /// Whether the image includes its standard error.
     pub standard_error: bool,
-    /// Whether the scene has photons dropped that miss all targets.
+    /// Whether the scene drops photons that miss all targets.
     pub drops_photons: bool,
-    /// Depth where nothing is; `None`: infinite.
+    /// Depth of the empty background; `None`: infinite.
     pub empty_depth: Option<f32>,
 }
 
@@ -116,7 +117,7 @@ pub struct File {
 }
 
 impl Description {
-    /// Of this job.
+    /// The description of a job.
     pub fn new(spec: &crate::JobSpec, looks: Looks) -> Self {
         let settings = spec.settings;
         let file = |(path, bytes): (&String, &Vec<u8>)| File {
@@ -184,7 +185,7 @@ impl Description {
         Ok(settings)
     }
 
-    /// How the PNG shows the image.
+    /// How the PNG displays the image.
     pub fn view(&self) -> View {
         View {
             transform: self.view,
@@ -193,7 +194,7 @@ impl Description {
         }
     }
 
-    /// Everything in which two jobs differ whose passes cannot become one image: nothing, if they can.
+    /// Every difference that keeps the passes of two jobs from becoming one image; empty if they can.
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let list = |names: &[String]| match names.is_empty() {
             true => "none".to_owned(),
@@ -244,7 +245,7 @@ impl Description {
         all
     }
 
-    /// The same job as one that there is: what that was called when it began stays.
+    /// The same job as a known one, with the version that it started with.
     pub(super) fn going_on_from(self, known: &Self) -> Self {
         Self {
             format: known.format,
@@ -253,7 +254,7 @@ impl Description {
         }
     }
 
-    /// Files in which the scenes differ; where it is the scene file, what it says is for others to compare.
+    /// Files in which the scenes differ. The scene file's content is left for the caller to compare.
     fn scene_differences(&self, other: &Self) -> Vec<String> {
         if self.scene == other.scene {
             return Vec::new();
@@ -279,7 +280,7 @@ impl Description {
         file.map(|file| &*file.hash)
     }
 
-    /// Hash of all that [`Self::differences`] looks at, and of the first pass.
+    /// Hash of everything that [`Self::differences`] compares, and of the first pass.
     pub(super) fn digest(&self) -> [u8; 32] {
         let mut hasher = blake3::Hasher::new();
         let mut field = |text: &str| {
@@ -307,20 +308,20 @@ impl Description {
             field(&technique.map(|technique| technique.to_string()).unwrap_or_default());
         }
         self.aimed.iter().for_each(|aimed| field(&aimed.to_string()));
-        // As with what came later than jobs that there are: where nothing is said, nothing is hashed.
+        // A missing field is not hashed, so that older jobs keep their digest.
         self.engine.iter().for_each(|engine| field(engine));
         self.layers.iter().for_each(|layer| field(layer));
         *hasher.finalize().as_bytes()
     }
 
-    /// In the order of job.json's fields, a line each.
+    /// As JSON, in field order, one field per line.
     pub(super) fn to_json(&self) -> Result<Vec<u8>, serde_json::Error> {
         let mut json = serde_json::to_vec_pretty(self)?;
         json.push(b'\n');
         Ok(json)
     }
 
-    /// What [`Self::to_json`] wrote.
+    /// Parse what [`Self::to_json`] wrote.
     pub(super) fn from_json(path: &Path, json: &[u8]) -> Result<Self, StoreError> {
         #[derive(Deserialize)]
         struct Format {

@@ -1,4 +1,4 @@
-//! The directory as a whole: made, found again, and written to.
+//! The directory as a whole: creating, opening and writing it.
 
 use super::StoreError;
 use super::checkpoint::{Checkpoint, Damage, Shape};
@@ -25,46 +25,46 @@ pub(super) const LEDGER: &str = "ledger.jsonl";
 const REPORT: &str = "report.json";
 pub(super) const SCENE: &str = "scene";
 const CHECKPOINTS: [&str; 2] = ["checkpoint-0", "checkpoint-1"];
-/// Behind the name of a checkpoint that is being written.
+/// Suffix of a checkpoint that is being written.
 const PART: &str = "part";
-/// Before the names of other files that are being written.
+/// Prefix of other files that are being written.
 const TEMPORARY: &str = ".beamfarm-";
 
-/// A job directory that is this process's alone.
+/// A job directory locked by this process.
 pub struct Folder {
     path: PathBuf,
     description: Description,
     shape: Shape,
     lines: Lines,
     next_number: u64,
-    /// Holds the lock.
+    /// Holds the lock on the directory.
     _lock: File,
 }
 
 /// What an earlier coordinator left.
 #[derive(Debug)]
 pub struct Resumed {
-    /// What is there.
+    /// The passes that are done.
     pub checkpoint: Checkpoint,
-    /// Who rendered what, as far as the ledger knows, and what the checkpoint does not hold.
+    /// Who rendered what according to the ledger, including blocks that are not in the checkpoint.
     pub done: Vec<DoneBlock>,
     /// Workers that were shut out for wrong pixels.
     pub convicted: Vec<Who>,
 }
 
-/// What somebody asks of a directory.
+/// How to open a directory.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Asked {
-    /// For a number of passes, or for another end. If not, that of the directory counts, if it has one, and the job's
-    /// is changed.
+    /// Whether the caller asked for a number of passes or another stopping condition. If not, the directory's number of
+    /// passes applies, if it has one, and overrides the job's.
     pub limit: bool,
-    /// To forget what it holds.
+    /// Whether to discard its contents.
     pub restart: bool,
 }
 
 impl Folder {
-    /// The directory of this job: a new one, or one that holds the same job, with what it has reached. One that holds
-    /// another job and no passes of it becomes a new one.
+    /// Open the directory of this job: a new one, or one that holds the same job and its state. A directory with
+    /// another job that has no passes is reused.
     pub fn open(
         path: &Path,
         spec: &mut JobSpec,
@@ -80,7 +80,7 @@ impl Folder {
         let lock = lock(path)?;
         let mut description = Description::new(spec, looks);
         description.scene_passes = (!asked.limit).then_some(spec.passes);
-        // Only now: another coordinator may have been at work until a moment ago.
+        // Only under the lock: another coordinator may have been at work until just now.
         let known = match read_description(path) {
             Ok(known) => known,
             Err(StoreError::Missing(_)) => {
@@ -96,7 +96,7 @@ impl Folder {
         if asked.restart || !differences.is_empty() {
             let has_passes = match newest_checkpoint(path, &Shape::of(&known))? {
                 Some(checkpoint) => checkpoint.sum.passes() > 0,
-                // What cannot be read may still be worth something to somebody.
+                // What cannot be read may still be valuable.
                 None => CHECKPOINTS.iter().any(|name| path.join(name).exists()),
             };
             if has_passes && !asked.restart {
@@ -117,8 +117,8 @@ impl Folder {
         let held = checkpoint.as_ref().and_then(|c| c.sum.nodes().last());
         let held = held.map_or(0, |node| node.block.passes().end);
         if !asked.limit {
-            // A job without a limit was ended by something else, which nobody asks for now. The scene's own number
-            // counts again when it was changed.
+            // A job without a limit was ended by some other condition, which nobody asks for now. The scene's own
+            // number counts again if it was changed.
             let is_news = known.scene_passes.is_some_and(|before| scenes != Some(before));
             spec.passes = match known.passes {
                 Some(passes) if !is_news => passes,
@@ -161,7 +161,7 @@ impl Folder {
         Ok((folder, resumed))
     }
 
-    /// An existing directory and what it holds, whatever job it is.
+    /// Open an existing directory with any job.
     pub fn inspect(path: &Path) -> Result<(Description, Option<Checkpoint>), StoreError> {
         let description = read_description(path)?;
         let lock = lock(path)?;
@@ -169,7 +169,7 @@ impl Folder {
         Ok((folder.description, checkpoint))
     }
 
-    /// With which settings a directory's passes are rendered, if it is there and they are of this scene.
+    /// The settings of a directory's passes, if it exists and holds this scene.
     pub fn settings(path: &Path, scene: SceneHash) -> Option<JobSettings> {
         let description = read_description(path).ok()?;
         let settings = description.settings(path).ok()?;
@@ -180,7 +180,7 @@ impl Folder {
         sync_parent(path)?;
         write_bundle(path, &spec.bundle)?;
         let (folder, _) = Self::with(path, description, lock)?;
-        // Last: what has a job.json has all the rest.
+        // Last: a directory with a job.json is complete.
         folder.write_description()?;
         Ok(folder)
     }
@@ -210,12 +210,12 @@ impl Folder {
         Ok((folder, checkpoint))
     }
 
-    /// Where it is.
+    /// The directory's path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The sum of no passes of this job.
+    /// The dimensions of the job's sum.
     pub fn shape(&self) -> Shape {
         self.shape
     }
@@ -225,7 +225,7 @@ impl Folder {
         &self.description
     }
 
-    /// Have at least so many passes in job.json: someone asked for more.
+    /// Raise the number of passes in job.json to at least this.
     pub(super) fn extend(&mut self, passes: u64) -> Result<(), StoreError> {
         if self.description.passes.is_none_or(|known| known >= passes) {
             return Ok(());
@@ -241,7 +241,7 @@ impl Folder {
         write_whole(&path, &json)
     }
 
-    /// The report says how the job ended: one that goes on has none.
+    /// Remove the report. It says how the job ended, and a running job has not.
     pub(super) fn withdraw_report(&self) -> Result<(), StoreError> {
         let path = self.path.join(REPORT);
         match fs::remove_file(&path) {
@@ -262,12 +262,12 @@ impl Folder {
         self.lines.push(entry);
     }
 
-    /// Bytes of all lines that were entered.
+    /// Length in bytes of all lines that were added.
     pub(super) fn ledger_end(&self) -> u64 {
         self.lines.end()
     }
 
-    /// As [`Self::append`], and wait until the disk has it.
+    /// Append the lines and wait until they are on the disk.
     pub(super) fn sync(&mut self) -> Result<(), StoreError> {
         let synced = self.lines.sync();
         synced.map_err(StoreError::io(&self.path.join(LEDGER)))
@@ -278,17 +278,17 @@ impl Folder {
         appended.map_err(StoreError::io(&self.path.join(LEDGER)))
     }
 
-    /// Write what a [`Keeper`](super::Keeper) could not write in its end: what the farm holds, and the lines.
+    /// Write what a [`Keeper`](super::Keeper) could not write at its end: the farm's state and the lines.
     pub fn save_end(&mut self, farm: &Farm) -> Result<(), StoreError> {
         let synced = self.sync();
         let mut checkpoint = Checkpoint::of(farm.snapshot(), self.ledger_end());
         self.save(&mut checkpoint).and(synced)
     }
 
-    /// Write a checkpoint over the older one. When that fails, both are as they were.
+    /// Write a checkpoint over the older one. On failure both remain as they were.
     pub fn save(&mut self, checkpoint: &mut Checkpoint) -> Result<(), StoreError> {
         checkpoint.number = self.next_number;
-        // Before what is built on it. That the ledger cannot be written must not keep a checkpoint from being.
+        // Before the checkpoint that builds on it. A ledger that cannot be written must not prevent a checkpoint.
         let synced = self.sync();
         let name = CHECKPOINTS[(self.next_number % 2) as usize];
         let path = self.path.join(name);
@@ -301,7 +301,7 @@ impl Folder {
             sync_folder(&self.path)
         };
         if let Err(error) = write() {
-            // Its room may be needed.
+            // Frees its disk space.
             let _ = fs::remove_file(&part);
             return Err(StoreError::io(&path)(error));
         }
@@ -310,7 +310,7 @@ impl Folder {
     }
 }
 
-/// Wait until the disk has the directory's name.
+/// Wait until the directory's name is on the disk.
 pub(super) fn sync_parent(path: &Path) -> Result<(), StoreError> {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => sync_folder(parent).map_err(StoreError::io(parent)),
@@ -318,7 +318,7 @@ pub(super) fn sync_parent(path: &Path) -> Result<(), StoreError> {
     }
 }
 
-/// Bytes of a job.json: some hundred for each file of the largest scene.
+/// The largest job.json, in bytes: a few hundred for each file of the largest scene.
 const MOST_JOB: u64 = 64 << 20;
 
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
@@ -337,7 +337,7 @@ fn read_description(path: &Path) -> Result<Description, StoreError> {
     }
 }
 
-/// Only what a coordinator may have left that was killed before it had written job.json.
+/// Accept only what a coordinator may have left that was killed before it wrote job.json.
 pub(super) fn refuse_foreign(path: &Path) -> Result<(), StoreError> {
     for entry in fs::read_dir(path).map_err(StoreError::io(path))? {
         let name = entry.map_err(StoreError::io(path))?.file_name();
@@ -357,7 +357,7 @@ pub(super) fn lock(path: &Path) -> Result<File, StoreError> {
     let name = path.join(LOCK);
     let mut options = File::options();
     options.write(true).create(true).truncate(false);
-    // Whoever made the folder may have put a link there to what others own.
+    // The owner of the folder may have put a link to other people's files there.
     let file = input::open_as(&name, &mut options, false);
     let file = file.map_err(StoreError::io(&name))?;
     match file.try_lock() {
@@ -372,7 +372,7 @@ pub(super) fn lock(path: &Path) -> Result<File, StoreError> {
 }
 
 impl Folder {
-    /// The scene of a job that somebody else may write to.
+    /// The scene of a job directory that others may write to.
     pub fn bundle(path: &Path, description: &Description) -> Result<Bundle, StoreError> {
         let mut bundle = Bundle {
             scene: description.scene_file.clone(),
@@ -387,13 +387,13 @@ impl Folder {
     }
 }
 
-/// The text of the scene file that a directory holds.
+/// The text of the scene file in a directory.
 fn read_scene(path: &Path, description: &Description) -> Option<String> {
     let file = path.join(SCENE).join(description.scene_hash()?);
     String::from_utf8(input::read(&file, MAX_BYTES).ok()?).ok()
 }
 
-/// A file of its own, whatever lies in its place.
+/// Create a new file in place of whatever is there.
 fn create_new(path: &Path) -> io::Result<File> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
@@ -402,7 +402,7 @@ fn create_new(path: &Path) -> io::Result<File> {
     File::create_new(path)
 }
 
-/// Forget all that was reached. What is left when that is broken off is a job without passes.
+/// Remove everything that was reached. If interrupted, it leaves a job without passes.
 fn clear(path: &Path) -> io::Result<()> {
     for name in CHECKPOINTS.into_iter().chain([REPORT, LEDGER, JOB]) {
         match fs::remove_file(path.join(name)) {
@@ -416,7 +416,7 @@ fn clear(path: &Path) -> io::Result<()> {
     }
 }
 
-/// Make the folder where there is none: it holds the scene, which is nobody else's business.
+/// Create the folder, if missing. Private, as it holds the scene.
 fn create_private(path: &Path) -> std::io::Result<()> {
     if let Some(parent) = path.parent() {
         fs::create_dir_all(parent)?;
@@ -430,7 +430,7 @@ fn create_private(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Those files of the scene that are not there yet.
+/// Write the scene's files that are missing.
 fn write_bundle(path: &Path, bundle: &Bundle) -> Result<(), StoreError> {
     let folder = path.join(SCENE);
     fs::create_dir_all(&folder).map_err(StoreError::io(&folder))?;
@@ -444,7 +444,7 @@ fn write_bundle(path: &Path, bundle: &Bundle) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Remove what a coordinator was writing when it was killed: it takes room.
+/// Remove partial files of a coordinator that was killed: they take disk space.
 fn clean(path: &Path) {
     let folders = [path.to_owned(), path.join(SCENE)];
     let entries = folders.iter().filter_map(|folder| fs::read_dir(folder).ok());
@@ -454,14 +454,14 @@ fn clean(path: &Path) {
         let part = |name: &str| Path::new(name).with_added_extension(PART);
         let is_part = CHECKPOINTS.map(part).contains(&PathBuf::from(&*name));
         if is_part || name.starts_with(TEMPORARY) {
-            // If it stays, it only takes room.
+            // If it stays, it only takes disk space.
             let _ = fs::remove_file(entry.path());
         }
     }
 }
 
-/// Blocks that were found to be wrong after the checkpoint was written, or while it was. What was rendered in place of
-/// them may be there already; it is rendered once more.
+/// Take out blocks that were found to be wrong while or after the checkpoint was written. Their replacements may be
+/// included already; they are rendered once more.
 fn drop_again(checkpoint: &mut Checkpoint, blocks: Vec<Block>) {
     let before = checkpoint.sum.passes();
     for block in blocks {
@@ -485,7 +485,7 @@ fn newest_checkpoint(path: &Path, shape: &Shape) -> Result<Option<Checkpoint>, S
             Err(error) if error.kind() == ErrorKind::NotFound => continue,
             Err(error) => Err(error.into()),
         };
-        // A disk that cannot be read now may be readable later: nothing is to be written over it.
+        // A disk that cannot be read now may be readable later, so overwrite nothing.
         let read = match read {
             Err(Damage::Io(error)) if error.kind() != ErrorKind::UnexpectedEof => {
                 return Err(StoreError::io(&file)(error));

@@ -1,4 +1,4 @@
-//! A directory made of others that hold parts of a job.
+//! A directory merged from others that hold parts of a job.
 
 use super::folder::{self, Folder, LEDGER, SCENE};
 use super::{Checkpoint, Description, StoreError};
@@ -10,8 +10,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 impl Folder {
-    /// Make a directory for the job that the first of these holds a part of. Its passes begin with 0 and are those of
-    /// the checkpoint, which others may go on from; its ledger file says what theirs do.
+    /// Create a directory for the job that these directories hold parts of. Its passes start at 0 and are those of the
+    /// checkpoint, which other coordinators may continue; its ledger file joins the lines of the parts.
     pub fn join(
         path: &Path,
         parts: &[PathBuf],
@@ -40,7 +40,7 @@ impl Folder {
         for part in parts {
             let from = part.join(LEDGER);
             let read = input::read(&from, MAX_BYTES).map_err(StoreError::io(&from))?;
-            // Whole lines: what was torn was cut off when the part was looked at.
+            // Whole lines: torn ones were cut off when the part was opened.
             lines.extend(read);
         }
         folder::write_whole(&path.join(LEDGER), &lines)?;
@@ -50,7 +50,7 @@ impl Folder {
         description.passes = Some(checkpoint.sum.prefix());
         let (mut folder, _) = Self::with(path, description, lock)?;
         folder.save(&mut checkpoint)?;
-        // Last: what has a job.json has all the rest.
+        // Last: a directory with a job.json is complete.
         folder.write_description()
     }
 }

@@ -10,26 +10,26 @@ use std::time::{Duration, Instant};
 use tokio::sync::mpsc::UnboundedReceiver;
 use tracing::{debug, info, warn};
 
-/// Time between looks at what has come in.
+/// Time between checks for new passes.
 const LOOK: Duration = Duration::from_millis(100);
-/// Time between checkpoints at least,
+/// Least time between checkpoints.
 const EVERY: Duration = Duration::from_secs(1);
-/// and times the time that the last one took: a fiftieth of the time at most goes into them.
+/// And at least this many times the duration of the last one, so that at most a fiftieth of the time goes into them.
 const SHARE: u32 = 50;
-/// Time before the next attempt when one failed.
+/// Time until the next attempt after a failure.
 pub const RETRY: Duration = Duration::from_secs(5);
 
-/// A thread that writes lines and checkpoints. It holds no more than the images that the sum has anyway, and those that
-/// were joined while they were being written.
+/// A thread that writes lines and checkpoints. It holds no more than the images of the sum, and those that were merged
+/// while a checkpoint was being written.
 pub struct Keeper {
     stop: Sender<()>,
     thread: JoinHandle<(Folder, Result<(), StoreError>)>,
 }
 
 impl Keeper {
-    /// Keep the directory of this farm, which tells about its blocks through `entries`.
+    /// Start writing the directory of this farm, which reports its blocks through `entries`.
     pub fn start(folder: Folder, farm: Arc<Farm>, entries: UnboundedReceiver<Entry>) -> Result<Self, StoreError> {
-        // Where that fails, it is done as soon as the disk lets it.
+        // On failure, it is repeated as soon as the disk allows.
         let is_withdrawn = folder.withdraw_report().is_ok();
         let path = folder.path().to_owned();
         let (stop, stopped) = channel();
@@ -47,10 +47,10 @@ impl Keeper {
         Ok(Self { stop, thread })
     }
 
-    /// Write the last checkpoint and give the directory back. Takes as long as writing it: not for a thread that serves
-    /// others.
+    /// Write the last checkpoint and return the directory. Takes as long as the write: do not call it from a thread
+    /// that serves others.
     pub fn finish(self) -> (Option<Folder>, Result<(), StoreError>) {
-        // Fails when the thread has ended by itself, which only a panic can cause.
+        // Fails if the thread has already ended, which only a panic can cause.
         let _ = self.stop.send(());
         match self.thread.join() {
             Ok((folder, last)) => (Some(folder), last),
@@ -68,20 +68,20 @@ struct Work {
     entries: UnboundedReceiver<Entry>,
     /// What the last checkpoint held.
     saved: State,
-    /// Time of the next checkpoint.
+    /// When the next checkpoint is due.
     due: Instant,
-    /// The last attempt failed.
+    /// Whether the last attempt failed.
     failing: bool,
-    /// The folder has no report of an earlier end.
+    /// Whether the report of an earlier end is removed.
     is_withdrawn: bool,
 }
 
-/// Sums that agree in this are the same.
+/// Two sums with equal states are the same.
 #[derive(PartialEq, Eq)]
 struct State {
     passes: u64,
     fence: Option<u64>,
-    /// Passes that were taken out of it until now, and may have come back with other pixels.
+    /// Passes taken out so far; they may have come back with different pixels.
     dropped: u64,
 }
 
@@ -115,7 +115,7 @@ impl Work {
             if self.failing && !is_due {
                 continue;
             }
-            // Lines do not wait for checkpoints: what is rendered again after a crash is compared with them.
+            // Lines do not wait for checkpoints: blocks rendered again after a crash are compared with them.
             let appended = self.folder.append();
             let saved = match is_due {
                 true => self.save(),
@@ -150,11 +150,11 @@ impl Work {
         }
     }
 
-    /// Write a checkpoint, if it would be another one than the last.
+    /// Write a checkpoint, if the state has changed since the last.
     fn save(&mut self) -> Result<(), StoreError> {
         let progress = self.farm.progress();
         let extended = self.folder.extend(progress.limit);
-        // A block's line is entered together with the change of the sum: the sum follows these.
+        // A block's line is added together with the change of the sum; the sum taken next covers these lines.
         self.take_lines();
         let ledger = self.folder.ledger_end();
         let mut checkpoint = Checkpoint::of(self.farm.snapshot(), ledger);
@@ -162,7 +162,7 @@ impl Work {
         if state == self.saved {
             return extended;
         }
-        // With these, the ledger knows all of the checkpoint.
+        // With these, the ledger covers everything in the checkpoint.
         self.take_lines();
         let begun = Instant::now();
         self.folder.save(&mut checkpoint)?;

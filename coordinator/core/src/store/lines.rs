@@ -1,5 +1,5 @@
-//! ledger.jsonl: a line for whatever became of a block, each with a checksum: nobody is accused on the word of a line
-//! that was damaged.
+//! ledger.jsonl: one line for each event of a block. Each line has a checksum, so that no worker is accused because of
+//! a damaged line.
 
 use super::StoreError;
 use crate::farm::{DoneBlock, Entry, EntryState};
@@ -15,15 +15,15 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 use tracing::warn;
 
-/// Bytes that wait for a disk that does not take them. Beyond it lines are lost, not the job.
+/// The most bytes that wait for a failing disk. Beyond it lines are lost, but not the job.
 const WAITING: usize = 4 << 20;
-/// Bytes of lines after which the disk has to have them.
+/// Bytes of lines after which they are synced to the disk.
 const UNSYNCED: usize = 1 << 20;
-/// Of a line that is read.
+/// The longest line that is read, in bytes.
 const MAX_LINE: u64 = 1 << 16;
-/// Damaged lines that are named in the log.
+/// The most damaged lines that are listed in the log.
 const NAMED: usize = 3;
-/// What comes before and behind the checksum: the first digits of the BLAKE3 of what comes before that.
+/// Text around the checksum: the first digits of the BLAKE3 of everything before it.
 const CHECK: [&[u8]; 2] = [b",\"check\":\"", b"\"}"];
 const CHECK_DIGITS: usize = 16;
 
@@ -32,7 +32,7 @@ struct Line {
     block: (u32, u64),
     state: String,
     worker: String,
-    /// Fingerprint of what the worker is known by. Jobs of before there was any lack it.
+    /// Fingerprint of the worker's key. Missing in jobs from before keys existed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     key: Option<String>,
     radius_scale: f64,
@@ -51,20 +51,20 @@ struct Line {
 pub(super) struct Lines {
     path: PathBuf,
     file: File,
-    /// Bytes of lines that the disk has.
+    /// Bytes of lines that are synced to the disk.
     synced: u64,
-    /// Lines behind these. They are kept until the disk has them: a disk that was gone may come back without.
+    /// Later lines. They are kept until they are synced: a disk that disappeared may come back without them.
     behind: Vec<u8>,
-    /// Bytes of those that were written.
+    /// Bytes of these that were written.
     written: usize,
-    /// What was written may be lost, and the file has to be opened again.
+    /// What was written may be lost; the file must be opened again.
     is_doubtful: bool,
     seed: u64,
     lost: u64,
 }
 
 impl Lines {
-    /// Open or create it, and cut off a last line that was torn when the coordinator died.
+    /// Open or create the file, and cut off a last line that was torn when the coordinator died.
     pub fn open(path: &Path, seed: u64) -> Result<Self, StoreError> {
         let file = open(path, true).map_err(StoreError::io(path))?;
         let mut lines = Self {
@@ -85,7 +85,7 @@ impl Lines {
         let size = self.file.seek(SeekFrom::End(0))?;
         let mut end = size;
         let mut buffer = [0; 4096];
-        // Backwards to the last end of a line.
+        // Search backwards for the last end of a line.
         while end > 0 {
             let start = end.saturating_sub(buffer.len() as u64);
             let part = &mut buffer[..(end - start) as usize];
@@ -109,7 +109,7 @@ impl Lines {
         Ok(())
     }
 
-    /// Add a line, in memory.
+    /// Add a line in memory.
     pub fn push(&mut self, entry: &Entry) {
         let line = Line {
             block: (entry.block.level, entry.block.index),
@@ -131,7 +131,7 @@ impl Lines {
             self.lost += 1;
             return;
         }
-        // Cannot fail: there are no maps with odd keys, and writing to memory works.
+        // Cannot fail: the line has no maps with non-string keys, and writes to memory succeed.
         if let Ok(mut json) = serde_json::to_vec(&line) {
             json.pop();
             let check = check(&json);
@@ -140,7 +140,7 @@ impl Lines {
         }
     }
 
-    /// Hand what is in memory over to the disk. After an error it stays in memory, and the file ends with a whole line.
+    /// Write the lines in memory to the file. After an error they stay in memory, and the file ends with a whole line.
     pub fn append(&mut self) -> io::Result<()> {
         if self.written == self.behind.len() && !self.is_doubtful {
             return Ok(());
@@ -154,7 +154,7 @@ impl Lines {
         };
         if let Err(error) = write() {
             self.is_doubtful = true;
-            // If this fails too, the next write goes to the same place.
+            // If this fails too, the next write goes to the same position.
             let _ = self.file.set_len(self.synced + self.written as u64);
             return Err(error);
         }
@@ -173,7 +173,7 @@ impl Lines {
         }
     }
 
-    /// A file system that was gone may have come back under the same name, and what was open there stays dead.
+    /// A file system may come back under the same path after an outage, but handles opened before stay dead.
     fn open_again(&mut self) -> io::Result<()> {
         let file = open(&self.path, false)?;
         let size = file.metadata()?.len();
@@ -184,13 +184,13 @@ impl Lines {
             ));
         }
         self.file = file;
-        // What is there already does no harm: it is written once more to the same place.
+        // Lines that are already there do no harm: they are written again to the same position.
         self.written = 0;
         self.is_doubtful = false;
         Ok(())
     }
 
-    /// As [`Self::append`], and wait until the disk has it.
+    /// Append and wait until the lines are on the disk.
     pub fn sync(&mut self) -> io::Result<()> {
         self.append()?;
         self.sync_written()
@@ -198,7 +198,7 @@ impl Lines {
 
     fn sync_written(&mut self) -> io::Result<()> {
         if let Err(error) = self.file.sync_data() {
-            // Asked again, the system may say that all is well.
+            // A repeated sync may succeed although data was lost.
             self.is_doubtful = true;
             return Err(error);
         }
@@ -208,16 +208,15 @@ impl Lines {
         Ok(())
     }
 
-    /// Bytes of all lines, those that are still in memory included.
+    /// Bytes of all lines, including those in memory.
     pub fn end(&self) -> u64 {
         self.synced + self.behind.len() as u64
     }
 
-    /// Blocks that counted, as the last word on them is, in the order of their passes. Where lives of the job found
-    /// other pixels and nobody decided which are right, the older ones follow, behind all others. Lines that are
-    /// damaged are left out, and named in the log.
+    /// Blocks that count, by their last lines, in pass order. Where runs of the job found different pixels and nobody
+    /// has decided which are right, the older ones follow at the end. Damaged lines are left out and listed in the log.
     pub fn done(&self) -> io::Result<Vec<DoneBlock>> {
-        // By first pass. Disjoint: of overlapping ones, which come from different lives of the job, the last counts.
+        // By first pass. Disjoint: of overlapping blocks, which come from different runs of the job, the last counts.
         let mut done: BTreeMap<u64, DoneBlock> = BTreeMap::new();
         let mut contested: Vec<DoneBlock> = Vec::new();
         let damaged = self.each(0, |line, block, is_whole| {
@@ -226,7 +225,7 @@ impl Lines {
                 take_out(&mut done, block);
                 contested.retain(|known| known.block != block);
             } else if !is_whole {
-                // Named below.
+                // Reported below.
             } else if line.state == EntryState::Audited.as_str() {
                 let known = done.get_mut(&block.start());
                 if let Some(known) = known.filter(|known| known.block == block) {
@@ -273,8 +272,8 @@ impl Lines {
         Ok(workers)
     }
 
-    /// Blocks that were dropped, according to the lines behind so many bytes; those among them whose checksum is wrong
-    /// or missing are believed as well: it costs passes that are rendered again, and no wrong one comes back.
+    /// Blocks dropped according to the lines from byte `from` on. Lines with a wrong or missing checksum are believed
+    /// as well: that costs passes that are rendered again, but lets no wrong one come back.
     pub fn dropped(&self, from: u64) -> io::Result<Vec<Block>> {
         let mut dropped = Vec::new();
         self.each(from, |line, block, _| {
@@ -285,8 +284,8 @@ impl Lines {
         Ok(dropped)
     }
 
-    /// Tells the lines behind so many bytes, as far as they make sense, and whether each is as it was written. Returns
-    /// the numbers of those that are not, from 1.
+    /// Call `tell` for each line from byte `from` on that can be parsed, with whether its checksum is right. Returns
+    /// the numbers, from 1, of damaged lines.
     fn each(&self, from: u64, mut tell: impl FnMut(Line, Block, bool)) -> io::Result<Vec<u64>> {
         let mut damaged = Vec::new();
         let mut number = 0;

@@ -1,16 +1,16 @@
-//! The job directory: what a job needs to go on after its coordinator was killed, and what it leaves behind.
+//! The job directory: what a job needs to continue after its coordinator was killed, and its results.
 //!
 //! | file | |
 //! | --- | --- |
-//! | `job.json` | what is rendered: [`Description`] |
-//! | `scene/HASH` | the files of the scene, by the hash of their content |
-//! | `checkpoint-0`, `checkpoint-1` | the sum of the passes, written in turns: [`Checkpoint`] |
-//! | `ledger.jsonl` | what became of each block, a line each, appended |
-//! | `report.json` | how the job stands, when a coordinator ends: [`Report`] |
+//! | `job.json` | what the job renders: [`Description`] |
+//! | `scene/HASH` | the scene's files, named by content hash |
+//! | `checkpoint-0`, `checkpoint-1` | the sum of the passes, written alternately: [`Checkpoint`] |
+//! | `ledger.jsonl` | the events of each block, one per line, appended |
+//! | `report.json` | the job's state when a coordinator ends: [`Report`] |
 //! | `lock` | held by the coordinator that uses the directory |
 //!
-//! Checkpoints alone decide what is there; the ledger says who rendered it. Blocks that came in after the last
-//! checkpoint are rendered again, as the same blocks if the ledger knows of them, and compared with what it says.
+//! Only checkpoints decide which passes are done; the ledger says who rendered them. Blocks that arrived after the last
+//! checkpoint are rendered again, as the same blocks if the ledger lists them, and compared with its hashes.
 
 mod checkpoint;
 mod description;
@@ -38,19 +38,19 @@ pub enum StoreError {
     Io {
         /// The file or folder at fault.
         path: PathBuf,
-        /// What it said.
+        /// The system's error.
         source: io::Error,
     },
-    /// Another coordinator is at work in it.
+    /// Another coordinator is using it.
     #[error("{}: another coordinator uses this job directory", .0.display())]
     InUse(PathBuf),
-    /// There is none.
+    /// The directory does not exist.
     #[error("{}: no job to resume", .0.display())]
     Missing(PathBuf),
-    /// There is one already.
+    /// The directory already exists.
     #[error("{}: there is a job already", .0.display())]
     Exists(PathBuf),
-    /// There is something else.
+    /// The path holds something else.
     #[error("{}: not a job directory: {message}", path.display())]
     Foreign {
         /// The file or folder at fault.
@@ -58,14 +58,14 @@ pub enum StoreError {
         /// What is wrong.
         message: String,
     },
-    /// It holds another job than the one asked for.
+    /// It holds a different job.
     #[error("{}: holds another job: {differences}", path.display())]
     Different {
         /// The directory.
         path: PathBuf,
-        /// What differs, but for the scene.
+        /// What differs, except for the scene.
         differences: String,
-        /// The scene file there, if it is another one.
+        /// The scene file in the directory, if it differs.
         scene: Option<String>,
     },
 }

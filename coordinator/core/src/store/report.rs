@@ -1,28 +1,28 @@
-//! report.json: how a job stands.
+//! report.json: the state of a job.
 
 use super::description::FORMAT;
 use beamfarm_image::bias::{Bias, Channel, PartBias};
 use beamfarm_image::merge::Fireflies;
 use serde::Serialize;
 
-/// Why no more passes were taken.
+/// Why the job stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Stopped {
-    /// All passes are there.
+    /// All passes are done.
     Complete,
-    /// The error is small enough.
+    /// The error met the target.
     TargetError,
-    /// The time was over.
+    /// The time limit was reached.
     Time,
-    /// Someone asked for it, by a signal or a call.
+    /// Someone stopped it, by a signal or a call.
     Asked,
-    /// A pass could not be rendered, or something that had to keep running did not.
+    /// A pass could not be rendered, or something that had to keep running failed.
     Failed,
 }
 
 impl Stopped {
-    /// One word, as in report.json.
+    /// The word used in report.json.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Complete => "complete",
@@ -34,7 +34,7 @@ impl Stopped {
     }
 }
 
-/// How a job stands when its coordinator ends.
+/// The state of a job when its coordinator ends.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// Version of the format.
@@ -47,52 +47,52 @@ pub struct Report {
     pub engine: String,
     /// Seed of the whole job.
     pub seed: u64,
-    /// First pass of the image, or of the part that this job is.
+    /// First pass of the image, or of this job's part of it.
     pub first_pass: u64,
-    /// The passes before this one are complete, from the first on: those of the image.
+    /// End of the complete passes, exclusive: the image is made of those before it.
     pub prefix: u64,
-    /// Passes that are there, with those beyond a gap or beyond the image.
+    /// Passes that are done, including those beyond a gap or beyond the image.
     pub passes: u64,
-    /// Passes that were asked for; `None`: no limit.
+    /// Requested passes; `None`: no limit.
     pub limit: Option<u64>,
-    /// Names the passes of the image, as its attribute beamfarmPassSet does.
+    /// Identifies the passes of the image, as does its attribute beamfarmPassSet.
     pub pass_set: Option<String>,
-    /// The image.
+    /// Path of the image.
     pub image: Option<String>,
     /// Hash of its pixels.
     pub pixels: Option<String>,
     /// Estimated relative standard error of the image.
     pub relative_standard_error: Option<f64>,
-    /// Whether the errors are too large on average: there are not two replications of passes yet.
+    /// Whether the errors are overestimates: there are fewer than two replications so far.
     pub is_upper_error: bool,
-    /// The same at its percentiles 50, 90, 95, 99 of blocks of 8 x 8 pixels.
+    /// The same at percentiles 50, 90, 95 and 99 of blocks of 8 x 8 pixels.
     pub percentiles: Option<[f64; 4]>,
-    /// Median of the relative standard errors of blocks of 8 x 8 pixels that are not black.
+    /// Median relative standard error of the blocks of 8 x 8 pixels that are not black.
     pub median_error: Option<f64>,
-    /// Few pixels that hold most of the error, if there are such.
+    /// The few pixels that hold most of the error, if any.
     pub fireflies: Option<FirefliesReport>,
     /// Estimated bias, in words.
     pub bias: Option<String>,
-    /// The same in numbers; `None` when nothing is known.
+    /// The estimated bias in numbers; `None` when unknown.
     pub bias_estimate: Option<BiasReport>,
-    /// Time that the job has taken, over all its coordinators.
+    /// Time spent on the job, over all its coordinators.
     pub seconds: f64,
-    /// Passes of which two workers found the same pixels, of those that are there.
+    /// Passes for which two workers found the same pixels.
     pub confirmed_passes: u64,
     /// Workers that this coordinator has seen.
     pub workers: Vec<String>,
-    /// Why no more passes were taken.
+    /// Why the job stopped.
     pub stopped: Stopped,
 }
 
-/// Few pixels that hold most of the error.
+/// A few pixels that hold most of the error.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FirefliesReport {
-    /// How many.
+    /// Their number.
     pub pixels: usize,
-    /// Their part of the error, as a sum of squares.
+    /// Their share of the squared error.
     pub share: f64,
-    /// Column and row of the worst.
+    /// Column and row of the worst one.
     pub worst: [u32; 2],
 }
 
@@ -111,7 +111,7 @@ impl From<Fireflies> for FirefliesReport {
 pub struct PartBiasReport {
     /// Column and row of its first pixel.
     pub at: [u32; 2],
-    /// The channel whose bias is the clearest; `None`: the mean of all.
+    /// The channel with the clearest bias; `None`: the mean of all.
     pub channel: Option<&'static str>,
     /// The bias.
     pub bias: f64,
@@ -132,18 +132,18 @@ impl From<&PartBias> for PartBiasReport {
     }
 }
 
-/// Estimated bias, as far as the kernels' radii are its cause.
+/// The estimated bias, as far as the kernels' radii cause it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BiasReport {
-    /// Of the image as a whole, whether or not it is more than noise.
+    /// Bias of the whole image, significant or not.
     pub image: PartBiasReport,
-    /// The least bias of the image's mean that is found almost always, relative to it.
+    /// The least bias of the image's mean that is almost always detected, relative to the mean.
     pub least_seen: f64,
     /// Number of tiles of 32 x 32 pixels.
     pub tiles: usize,
-    /// Those that are biased, the worst first.
+    /// Biased tiles, the worst first.
     pub biased: Vec<PartBiasReport>,
-    /// Number of those of which nothing is known: a bias as large as the standard error of a pixel would not be seen.
+    /// Number of tiles where nothing is known: a bias as large as a pixel's standard error would not be detected.
     pub not_known: usize,
 }
 
@@ -161,7 +161,7 @@ impl BiasReport {
 }
 
 impl Report {
-    /// The version of the format that there is.
+    /// The current version of the format.
     pub const FORMAT: u32 = FORMAT;
 
     pub(super) fn to_json(&self) -> Result<Vec<u8>, serde_json::Error> {

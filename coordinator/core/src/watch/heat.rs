@@ -1,11 +1,11 @@
-//! Where the error of a picture is, as colours: from dark blue over grey to yellow, so that people who see no
-//! difference of red and green, or no colours at all, see the same.
+//! The relative error of each pixel as colours from dark blue through grey to yellow. The scale also reads for people
+//! with red-green or full colour blindness.
 
 use beamfarm_image::error::ImageError;
 use beamfarm_image::merge::Average;
 use beamfarm_image::png::encode_rgb;
 
-/// The scale's ends: relative standard errors of 0.1 % and 100 %, in powers of ten.
+/// The ends of the scale: relative standard errors of 0.1 % and 100 %, as powers of ten.
 const LOW: f64 = -3.0;
 const HIGH: f64 = 0.0;
 /// Nuñez, Anderton, Renslow 2018, "Optimizing colormaps with consideration for color vision deficiency": cividis, at
@@ -22,7 +22,7 @@ const CIVIDIS: [[u8; 3]; 9] = [
     [254, 232, 56],
 ];
 
-/// The error's picture.
+/// The error map as PNG.
 pub(crate) fn encode(average: &Average) -> Result<Vec<u8>, ImageError> {
     let data: Vec<u8> = average
         .squared_errors()
@@ -32,13 +32,13 @@ pub(crate) fn encode(average: &Average) -> Result<Vec<u8>, ImageError> {
     encode_rgb(average.beauty.width, average.beauty.height, &data)
 }
 
-/// Colour of a relative standard error.
+/// The colour of a relative standard error.
 pub(crate) fn colour(error: f64) -> [u8; 3] {
-    // An error of zero, in the black around a scene, is at the lower end; an infinite one at the upper.
+    // Zero error, in the black around a scene, maps to the lower end; infinite error to the upper end.
     along((libm::log10(error.max(0.0)) - LOW) / (HIGH - LOW))
 }
 
-/// Colour of a place on the scale, from 0 to 1.
+/// The colour at a position on the scale, from 0 to 1.
 pub(super) fn along(position: f64) -> [u8; 3] {
     let position = position.clamp(0.0, 1.0) * (CIVIDIS.len() - 1) as f64;
     let below = (position as usize).min(CIVIDIS.len() - 2);
@@ -49,7 +49,7 @@ pub(super) fn along(position: f64) -> [u8; 3] {
     })
 }
 
-/// The scale as a row of colours, each with its place between 0 and 320.
+/// The scale as colours with positions between 0 and 320.
 pub(crate) fn scale() -> Vec<(String, u32)> {
     let step = |i: u32| {
         let exponent = LOW + (HIGH - LOW) * (f64::from(i) + 0.5) / 64.0;
@@ -84,7 +84,7 @@ mod tests {
         assert!(encode(&average).unwrap().starts_with(b"\x89PNG"));
     }
 
-    /// Rec. 601 luma rises all along, so that the scale reads without colours.
+    /// Rec. 601 luma rises monotonically, so that the scale reads without colour.
     #[test]
     fn brighter_is_worse() {
         let luma = |error: f64| {

@@ -22,9 +22,9 @@ pub struct Meter {
 }
 
 impl Meter {
-    /// Enter how many passes and beams there are now, and return the rates. Passes that were taken back count as none.
+    /// Add the current numbers of passes and beams and return the rates. Passes that were taken back count as zero.
     pub fn rates(&mut self, now: Duration, passes: u64, beams: u64) -> Rates {
-        // While the job is paused time stands still.
+        // Time stands still while the job is paused.
         if self.marks.back().is_some_and(|last| last.0 == now) {
             self.marks.pop_back();
         }
@@ -59,13 +59,13 @@ mod tests {
             meter.rates(at(second), 20, 1000);
         }
         assert_eq!(meter.rates(at(61), 20, 1000), Rates::default());
-        // A pause of whatever length, in which what was at hand came in.
+        // A pause during which passes under way still arrive.
         for _ in 0..100 {
             meter.rates(at(61), 30, 1000);
         }
         assert_eq!(meter.rates(at(61), 30, 1000).passes, 0.5);
         assert!(meter.marks.len() < 50);
-        // Passes of a worker that was shut out.
+        // Passes of a worker that was shut out were taken back.
         assert_eq!(meter.rates(at(62), 10, 1000), Rates::default());
     }
 }

@@ -1,7 +1,7 @@
-//! A job as those see it who look on and steer: the page, the metrics, `beamfarm status`, tev.
+//! A job as seen by those who watch and control it: the page, the metrics, `beamfarm status`, tev.
 //!
-//! All of them ask the same [`Watch`], which measures rates, remembers how the error fell, and makes pictures only
-//! while somebody looks.
+//! All of them use the same [`Watch`]. It measures rates, records the error over time, and makes pictures only while
+//! somebody looks.
 
 pub(crate) mod heat;
 mod meter;
@@ -23,51 +23,51 @@ use std::time::{Duration, SystemTime};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 
-/// Time between looks at the number of passes.
+/// Time between checks of the number of passes.
 const LOOK: Duration = Duration::from_secs(1);
-/// Points of the curve that are kept: more than a plot can show. Beyond, every other one is forgotten.
+/// Points kept of the error curve, more than a plot can show. Beyond that every other point is dropped.
 const POINTS: usize = 400;
-/// Pages that may be open at the same time.
+/// The most pages that may be open.
 const PAGES: usize = 64;
 /// Requests to write the image that may wait. Each waits for the one before.
 const WAITING_WRITES: usize = 4;
 
-/// When a job ends, as far as the farm itself does not know, and what it is called.
+/// Stopping conditions that the farm does not know, and how the job is shown.
 #[derive(Clone, Debug, Default)]
 pub struct Terms {
-    /// What people call it: the scene's name, say.
+    /// The name for people, such as the scene's name.
     pub title: String,
     /// Time after which it stops.
     pub time: Option<Duration>,
-    /// Error at which it stops, for people.
+    /// Error at which it stops, for display.
     pub target: Option<f64>,
-    /// First pass that it renders. Only from zero on do passes make an image.
+    /// Its first pass. Passes make an image only if they start at zero.
     pub first_pass: u64,
-    /// How the picture is shown at first.
+    /// How the picture is shown initially.
     pub view: View,
-    /// Whether the scene has photons dropped that miss all targets: the image is biased, and says so.
+    /// Whether the scene drops photons that miss all targets: the image is then biased and marked so.
     pub drops_photons: bool,
-    /// What its mattes tell apart.
+    /// Names of what its mattes separate.
     pub names: Names,
-    /// Depth where nothing is; `None`: infinite.
+    /// Depth of the empty background; `None`: infinite.
     pub empty_depth: Option<f32>,
 }
 
-/// The estimated error when so many passes were complete.
+/// The estimated error at a number of complete passes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Passes.
+    /// Complete passes.
     pub passes: u64,
-    /// For which the job has run, over all its coordinators.
+    /// Time spent on the job, over all its coordinators.
     pub seconds: f64,
     /// Relative standard error.
     pub error: f64,
 }
 
-/// A request to write the image of the complete passes now. The answer says what was written, or why nothing was.
+/// A request to write the image of the complete passes now. The answer is what was written, or why nothing was.
 pub type WriteRequest = oneshot::Sender<Result<String, String>>;
 
-/// A job as those see it who look on.
+/// A job for those who watch it.
 pub struct Watch {
     farm: Arc<Farm>,
     terms: Terms,
@@ -75,7 +75,7 @@ pub struct Watch {
     started: Instant,
     state: Mutex<State>,
     pictures: Pictures,
-    /// Places for pages that are open.
+    /// Permits for open pages.
     places: Arc<Semaphore>,
     writer: Mutex<Option<mpsc::Sender<WriteRequest>>>,
 }
@@ -90,7 +90,7 @@ struct State {
 }
 
 impl Watch {
-    /// Watch this farm. Time starts now.
+    /// Watch this farm. Its clock starts now.
     pub fn new(farm: Arc<Farm>, terms: Terms) -> Arc<Self> {
         let id = job_id(&terms.title, farm.job());
         Arc::new(Self {
@@ -105,22 +105,22 @@ impl Watch {
         })
     }
 
-    /// The farm that is watched.
+    /// The watched farm.
     pub fn farm(&self) -> &Arc<Farm> {
         &self.farm
     }
 
-    /// Name of the job in logs: its title and the first digits of a hash over all that its passes depend on.
+    /// Name of the job in logs: its title and the first digits of a hash over everything its passes depend on.
     pub fn id(&self) -> &str {
         &self.id
     }
 
-    /// When the job ends, and what it is called.
+    /// Stopping conditions and display.
     pub fn terms(&self) -> &Terms {
         &self.terms
     }
 
-    /// Keep rates and the curve up to date, forever.
+    /// Keep rates and the error curve up to date, forever.
     pub async fn run(&self) {
         let mut ticks = interval(LOOK);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -139,8 +139,7 @@ impl Watch {
                 let mut state = self.state();
                 state.rates = state.meter.rates(now, progress.passes, progress.stats.beams);
             }
-            // So that there is a curve for those who come later: a handful of looks in the life of a job, where nobody
-            // else has looked.
+            // So that later viewers get a curve: a few tests during the job, where nobody else has tested.
             let told = self.state().curve.last().map_or(0, |point| point.passes);
             known = told.max(known);
             if progress.prefix >= 2 && progress.prefix >= 2 * known {
@@ -151,18 +150,18 @@ impl Watch {
         }
     }
 
-    /// Since this coordinator started; when the job has ended, how long that took.
+    /// Time since this coordinator started; the total once the job has ended.
     pub fn elapsed(&self) -> Duration {
         let ended = self.state().ended;
         ended.unwrap_or_else(|| self.started.elapsed())
     }
 
-    /// The same without pauses, which are no time of the job.
+    /// Elapsed time without pauses, which do not count as time of the job.
     pub fn worked(&self) -> Duration {
         self.elapsed().saturating_sub(self.farm.paused_for())
     }
 
-    /// The same, with the time that earlier coordinators of the job took.
+    /// The same, plus the time of earlier coordinators.
     pub fn elapsed_in_all(&self) -> Duration {
         self.farm.before().saturating_add(self.worked())
     }
@@ -172,11 +171,11 @@ impl Watch {
         self.state().rates
     }
 
-    /// Begin the curve with what is known from earlier coordinators of the job, in the order of passes.
+    /// Start the curve with points from earlier coordinators, in pass order.
     pub fn recall(&self, points: impl IntoIterator<Item = Point>) {
         let mut state = self.state();
         let last = state.curve.first().map_or(u64::MAX, |point| point.passes);
-        // What came from a file may make no sense.
+        // Points from a file may be invalid.
         let mut known = 0;
         let mut points: Vec<Point> = points.into_iter().take(POINTS).collect();
         points.retain(|point| {
@@ -190,12 +189,12 @@ impl Watch {
         state.curve.splice(0..0, points);
     }
 
-    /// How the error fell, as far as anybody looked.
+    /// The error over time, as far as it was estimated.
     pub fn curve(&self) -> Vec<Point> {
         self.state().curve.clone()
     }
 
-    /// Enter into the curve what somebody learnt of the error.
+    /// Add an error estimate to the curve.
     pub fn note_error(&self, passes: u64, error: f64) {
         if !error.is_finite() {
             return;
@@ -215,19 +214,19 @@ impl Watch {
         state.curve.push(Point { passes, seconds, error });
     }
 
-    /// The picture of the complete passes, or one that is about a second old; `None` before the first pass.
+    /// The picture of the complete passes, at most about a second old; `None` before the first pass.
     pub(crate) async fn picture(&self) -> Option<Arc<Picture>> {
         let picture = self.pictures.latest().await?;
         self.note_error(picture.average.passes, picture.error);
         Some(picture)
     }
 
-    /// A place for a page that is open, until it is dropped; `None` when there are too many.
+    /// A permit for an open page, held until dropped; `None` if too many are open.
     pub(crate) fn sit_down(&self) -> Option<OwnedSemaphorePermit> {
         self.places.clone().try_acquire_owned().ok()
     }
 
-    /// Resolves when no page is open, or after this time.
+    /// Resolves when no page is open, or after `patience`.
     pub(crate) async fn left_alone(&self, patience: Duration) {
         let _ = timeout(patience, self.places.acquire_many(PAGES as u32)).await;
     }
@@ -236,25 +235,25 @@ impl Watch {
         &self.pictures
     }
 
-    /// Share of the job that is done, by passes or by time, whichever is nearer to its end.
+    /// The completed fraction of the job, by passes or by time, whichever is larger.
     pub fn fraction(&self, progress: &Progress) -> f64 {
         fraction(progress, self.elapsed(), &self.terms)
     }
 
-    /// Time to the end, by passes or by time, whichever comes first. `None` while nothing is known.
+    /// Remaining time, by passes or by time, whichever ends first. `None` while unknown.
     pub fn remaining(&self, progress: &Progress) -> Option<Duration> {
         let rate = self.rates().passes;
         remaining(progress, self.elapsed(), &self.terms, rate)
     }
 
-    /// The requests to write the image, for the one who can. Until somebody asks for them nobody can.
+    /// The queue of requests to write the image. Until somebody takes it, nobody can write.
     pub fn write_requests(&self) -> mpsc::Receiver<WriteRequest> {
         let (sender, receiver) = mpsc::channel(WAITING_WRITES);
         *self.writer.lock().unwrap_or_else(PoisonError::into_inner) = Some(sender);
         receiver
     }
 
-    /// Have the image of the complete passes written. Returns what was written.
+    /// Have the image of the complete passes written. Returns a description of what was written.
     pub async fn write_now(&self) -> Result<String, String> {
         let writer = self.writer.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let writer = writer.ok_or("this coordinator writes no images")?;
@@ -283,7 +282,7 @@ fn fraction(progress: &Progress, elapsed: Duration, terms: &Terms) -> f64 {
 fn remaining(progress: &Progress, elapsed: Duration, terms: &Terms, rate: f64) -> Option<Duration> {
     let done = terms.first_pass.saturating_add(progress.passes);
     let left = progress.limit.saturating_sub(done) as f64;
-    // Not a number of seconds as long as nothing is known.
+    // Not finite while nothing is known.
     let by_passes = Duration::try_from_secs_f64(left / rate).ok();
     let by_passes = by_passes.filter(|_| !progress.paused && progress.limit < MAX_PASSES);
     let by_time = terms.time.map(|time| time.saturating_sub(elapsed));

@@ -1,5 +1,5 @@
-//! Pictures of the job so far, for pages. They are made away from the threads that serve others, at a bounded rate, and
-//! only when somebody asks.
+//! Pictures of the job so far, for pages. They are made on demand, at a bounded rate, away from the threads that serve
+//! others.
 
 use super::shown::{self, Shown};
 use crate::farm::Farm;
@@ -12,11 +12,11 @@ use tokio::sync::Mutex;
 use tokio::time::{Instant, sleep};
 use tracing::{Span, warn};
 
-/// Least time between two averages.
+/// The least time between two averages.
 const PAUSE: Duration = Duration::from_secs(1);
-/// Averaging takes at most one part in so many of the time: workers' deliveries wait for it.
+/// Averaging takes at most one part in this many of the time, as workers' deliveries wait for it.
 const SHARE: u32 = 20;
-/// Pictures nobody asked for in this time are given up.
+/// Pictures that nobody requests for this long are dropped.
 const FORGET: Duration = Duration::from_secs(30);
 /// Encoded pictures that are kept: those that several people look at, and those that a slider just left.
 const ENCODED: usize = 8;
@@ -32,7 +32,7 @@ pub(crate) struct Picture {
 
 #[derive(Default)]
 struct Shelf {
-    /// The newest first; the one before it stays for those who are about to ask for it.
+    /// Newest first; the one before is kept for requests that are about to come.
     pictures: Vec<Arc<Picture>>,
     /// Complete passes at the last look, and whether the job was over.
     last_look: Option<(u64, bool)>,
@@ -44,12 +44,12 @@ struct Shelf {
 pub(crate) struct Pictures {
     farm: Arc<Farm>,
     shelf: Mutex<Shelf>,
-    /// Held while one is encoded, and as long again: a slider takes half a core at most.
+    /// Locked while a picture is encoded and for as long again, so that a slider takes at most half a core.
     encoded: Arc<Mutex<Vec<Encoded>>>,
 }
 
 struct Encoded {
-    /// Not its number of passes: some may be taken out, and rendered again with other bits.
+    /// Not identified by its number of passes: passes may be taken out and rendered again with different bits.
     of: Weak<Picture>,
     shown: Shown,
     png: Bytes,
@@ -64,7 +64,7 @@ impl Pictures {
         }
     }
 
-    /// The picture of the complete passes, or the last one if that is not old.
+    /// The picture of the complete passes, or the last one if it is recent.
     pub async fn latest(&self) -> Option<Arc<Picture>> {
         let mut shelf = self.shelf.lock().await;
         let now = Instant::now();
@@ -105,7 +105,7 @@ impl Pictures {
         }
     }
 
-    /// The picture of so many passes if it is at hand, else the latest.
+    /// The picture of this many passes if it is available, else the latest.
     pub async fn of(&self, passes: Option<u64>) -> Option<Arc<Picture>> {
         if let Some(passes) = passes {
             let shelf = self.shelf.lock().await;
@@ -149,7 +149,7 @@ impl Pictures {
         Ok(png)
     }
 
-    /// Give up what nobody looked at for a while.
+    /// Drop pictures that nobody has looked at for a while.
     pub async fn forget(&self) {
         let mut shelf = self.shelf.lock().await;
         if shelf.asked.is_some_and(|asked| asked.elapsed() > FORGET) {
@@ -169,7 +169,7 @@ pub(super) mod tests {
     use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind, Techniques};
     use beamfarm_image::merge::{Node, TreeSum};
 
-    /// A job of 100 passes that goes on with so many, after this time.
+    /// A job of 100 passes that continues with `passes` done after `before`.
     pub fn farm(passes: u64, target: Option<Target>, before: Duration) -> Arc<Farm> {
         let mut sum = TreeSum::new(2, 1).with_fence(0);
         for pass in 0..passes {
@@ -205,7 +205,7 @@ pub(super) mod tests {
         Farm::new(spec, Timing::default(), start)
     }
 
-    /// The image of a job that was good enough holds fewer passes than there are.
+    /// The image of a job that met its target holds fewer passes than there are.
     #[tokio::test]
     async fn the_last_picture_is_made_once() {
         let target = Target {

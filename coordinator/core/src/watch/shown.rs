@@ -1,4 +1,4 @@
-//! What of a picture is shown, as colours.
+//! What is shown of a picture, as colours.
 
 use super::heat;
 use beamfarm_image::error::ImageError;
@@ -8,7 +8,7 @@ use beamfarm_image::merge::Average;
 use beamfarm_image::png::{encode_png, encode_rgb};
 use beamfarm_image::view::View;
 
-/// False colours reach from 2^-8 to 2^8 of what would be white.
+/// False colours span 2^-8 to 2^8 times the radiance that would be white.
 const STOPS: f32 = 8.0;
 
 /// What to show of a picture.
@@ -16,15 +16,15 @@ const STOPS: f32 = 8.0;
 pub(crate) enum Shown {
     /// The radiance.
     Beauty(View),
-    /// Its luminance on a logarithmic scale, brighter by so many stops.
+    /// Luminance on a logarithmic scale, brightened by `exposure` stops.
     FalseColour { exposure: f32 },
-    /// Where the error is.
+    /// The error map.
     Error,
-    /// A layer, by its place among the job's; the view is that of radiance.
+    /// A layer, by its index among the job's; `view` is that of radiance.
     Layer { place: usize, view: View },
 }
 
-/// The PNG. `layers`: those of the job.
+/// The picture as PNG. `layers`: those of the job.
 pub(crate) fn encode(average: &Average, layers: &[Layer], shown: Shown) -> Result<Vec<u8>, ImageError> {
     match shown {
         Shown::Beauty(view) => encode_png(&average.beauty, view),
@@ -32,7 +32,7 @@ pub(crate) fn encode(average: &Average, layers: &[Layer], shown: Shown) -> Resul
         Shown::Error => heat::encode(average),
         Shown::Layer { place, view } => match (layers.get(place), average.layers.get(place)) {
             (Some(layer), Some(film)) => encode_layer(layer, film, view),
-            // Nobody is led here.
+            // Unreachable from the page.
             _ => encode_png(&average.beauty, view),
         },
     }
@@ -46,7 +46,7 @@ fn encode_layer(layer: &Layer, film: &Film, view: View) -> Result<Vec<u8>, Image
             encode_rgb(film.width, film.height, &data)
         }
         Layer::Albedo => encode_png(film, View::default()),
-        // Which have no film, and so none is shown.
+        // They have no film, so none is shown.
         Layer::Objects | Layer::Materials => encode_rgb(film.width, film.height, &vec![0; 3 * film.pixels.len()]),
         Layer::Alpha => encode_grey(film, |pixel| pixel[0]),
         Layer::Depth => {
@@ -54,7 +54,7 @@ fn encode_layer(layer: &Layer, film: &Film, view: View) -> Result<Vec<u8>, Image
             let most = most.fold(0.0, f32::max);
             encode_grey(film, |pixel| distance(pixel).map_or(1.0, |z| z / most))
         }
-        // No motion is grey; the largest part of any vector is 0 or 1.
+        // Zero motion is grey; the largest component of any vector maps to 0 or 1.
         Layer::Motion => {
             let most = film
                 .pixels
@@ -66,7 +66,7 @@ fn encode_layer(layer: &Layer, film: &Film, view: View) -> Result<Vec<u8>, Image
             let data: Vec<u8> = film.pixels.as_flattened().iter().map(|v| byte(*v)).collect();
             encode_rgb(film.width, film.height, &data)
         }
-        // One number a pixel: against the largest.
+        // One number per pixel, relative to the largest.
         Layer::BeamDensity | Layer::Targets => {
             let most = film.pixels.iter().map(|[v, ..]| *v).fold(0.0, f32::max);
             let scale = if most > 0.0 { 1.0 / most } else { 0.0 };
@@ -89,7 +89,7 @@ fn false_colour(film: &Film, stops: f32) -> Result<Vec<u8>, ImageError> {
         .pixels
         .iter()
         .flat_map(|[r, g, b]| {
-            // Rec. 709.
+            // Rec. 709 luminance.
             let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
             let position = (libm::log2f(luminance.max(0.0)) + stops + STOPS) / (2.0 * STOPS);
             heat::along(f64::from(position))
@@ -136,12 +136,12 @@ mod tests {
         assert!((187..=189).contains(&depth[0]) && depth[3..] == [255; 3], "{depth:?}");
         let normal = colours(Shown::Layer { place: 1, view });
         assert_eq!(normal[..3], [255, 127, 0]);
-        // White is in the middle of the scale, nothing at its lower end.
+        // White is in the middle of the scale, zero at its lower end.
         let lights = colours(Shown::FalseColour { exposure: 0.0 });
         assert_eq!((&lights[..3], &lights[3..]), (&[125, 124, 120][..], &[0, 34, 78][..]));
     }
 
-    /// What the screen gets of the curve.
+    /// Display values of the curve.
     #[test]
     fn film_rolls_off() {
         let shown = |exposure| {

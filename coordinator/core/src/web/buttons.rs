@@ -1,5 +1,5 @@
-//! What the page's buttons do: as the calls of the same names. Pages of other sites are kept out before. Scripts get
-//! the words, forms go back to the page.
+//! The page's buttons; they do what the calls of the same names do. Requests from other sites are refused earlier.
+//! Scripts get the text, forms return to the page.
 
 use super::Web;
 use crate::watch::Watch;
@@ -21,7 +21,7 @@ fn answer(headers: &HeaderMap, done: Done) -> Response {
     }
 }
 
-/// The job that is first in line, if there is anything left to steer.
+/// The first job in line, if it is not over.
 fn running(web: &Web) -> Result<Arc<Watch>, String> {
     match web.series.is_over() {
         false => Ok(web.watch()),
@@ -54,7 +54,7 @@ pub(super) async fn cancel(State(web): State<Arc<Web>>, headers: HeaderMap) -> R
     )
 }
 
-/// So many passes in all.
+/// The new total number of passes.
 #[derive(Deserialize)]
 pub(super) struct Passes {
     passes: u64,

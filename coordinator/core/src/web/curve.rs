@@ -1,11 +1,11 @@
-//! The error against time as a picture: both axes logarithmic, as errors fall by powers of time.
+//! The error over time as a plot with logarithmic axes, as errors fall by powers of time.
 
 use crate::html;
 use crate::html::Html;
 use crate::watch::Point;
 use std::fmt::Write;
 
-/// The picture's size, and the part of it between the axes, in its own units.
+/// Size of the plot and position of its axes, in SVG units.
 const WIDTH: f64 = 520.0;
 const HEIGHT: f64 = 260.0;
 const LEFT: f64 = 68.0;
@@ -13,13 +13,13 @@ const RIGHT: f64 = 500.0;
 const TOP: f64 = 14.0;
 const BOTTOM: f64 = 206.0;
 
-/// A line of the grid and its label.
+/// A grid line with its label.
 struct Tick {
     at: f64,
     label: String,
 }
 
-/// The picture as SVG; `None` for less than two points.
+/// The plot as SVG; `None` for fewer than two points.
 pub(super) fn svg(points: &[Point]) -> Option<Html> {
     let usable = |point: &&Point| point.seconds > 0.0 && point.error > 0.0;
     let points: Vec<&Point> = points.iter().filter(usable).collect();
@@ -133,10 +133,10 @@ struct Axis {
 }
 
 impl Axis {
-    /// An axis over at least the values between `low` and `high`, which go from and to these places.
+    /// An axis that covers at least `low` to `high` and spans the positions `from` to `to`.
     fn new(low: f64, high: f64, from: f64, to: f64) -> Self {
         let (low, high) = (libm::log10(low), libm::log10(high));
-        // At least a factor of two, so that a line that hardly falls does not look steep.
+        // At least a factor of two, so that a nearly flat line does not look steep.
         let missing = (0.301 - (high - low)).max(0.0) / 2.0;
         Self {
             low: low - missing - 0.02,
@@ -151,7 +151,7 @@ impl Axis {
         self.from + share * (self.to - self.from)
     }
 
-    /// Round numbers: powers of ten with as many steps between as there is space for.
+    /// Round numbers: powers of ten, with as many steps between them as there is space for.
     fn ticks(&self, label: fn(f64) -> String) -> Vec<Tick> {
         let decades = self.high - self.low;
         let steps: &[f64] = match decades {
@@ -177,7 +177,7 @@ impl Axis {
     }
 }
 
-/// `2.5 %`, with as many digits as mean something.
+/// `2.5 %`, with the significant digits.
 pub(super) fn percent(error: f64) -> String {
     let percent = 100.0 * error;
     let digits = match percent {
@@ -240,7 +240,7 @@ mod tests {
             assert!((pair[1].0 - pair[0].0 - step.0).abs() < 0.21);
             assert!((pair[1].1 - pair[0].1 - step.1).abs() < 0.21);
         }
-        // Time goes right, less error is further down.
+        // Time increases to the right, and less error is further down.
         assert!(step.0 > 0.0 && step.1 > 0.0);
         for (x, y) in places {
             assert!((LEFT..=RIGHT).contains(&x) && (TOP..=BOTTOM).contains(&y));

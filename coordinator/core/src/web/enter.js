@@ -1,6 +1,6 @@
 "use strict";
-// The token stands behind the # of the link, which browsers send to nobody and servers cannot log. The browser is told
-// it as the password of this place, and it is taken out of the address.
+// The token follows the # of the link, which browsers send to no server. The script passes it to the browser as this
+// site's password and removes it from the address.
 const token = location.hash.slice(1);
 history.replaceState(null, "", location.pathname);
 if (token !== "") {

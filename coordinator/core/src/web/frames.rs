@@ -1,4 +1,4 @@
-//! The list of frames, and their pictures as they were written.
+//! The list of frames and their pictures.
 
 use super::thumbnail::thumbnail as small;
 use super::{Web, curve};
@@ -13,7 +13,7 @@ use beamfarm_image::input;
 use serde::Deserialize;
 use std::sync::Arc;
 
-/// Pixels of the longer side of a small picture, for screens of two pixels a point.
+/// Longer side of a thumbnail in pixels, for screens with two pixels per point.
 const SIDE: u32 = 192;
 
 struct Row {
@@ -93,18 +93,18 @@ fn row(view: &FrameView) -> Row {
     }
 }
 
-/// Which frame.
+/// The requested frame.
 #[derive(Deserialize)]
 pub(super) struct Which {
     frame: i64,
 }
 
-/// Its picture, as the job wrote it.
+/// Its picture as the job wrote it.
 pub(super) async fn png(State(web): State<Arc<Web>>, Query(which): Query<Which>) -> Response {
     answer(written(&web, which).await)
 }
 
-/// The same, but small.
+/// Its thumbnail.
 pub(super) async fn thumbnail(State(web): State<Arc<Web>>, Query(which): Query<Which>) -> Response {
     let Some(bytes) = written(&web, which).await else {
         return answer(None);
@@ -113,7 +113,7 @@ pub(super) async fn thumbnail(State(web): State<Arc<Web>>, Query(which): Query<W
     answer(made.await.ok().flatten())
 }
 
-/// Bytes of a picture that a page is sent.
+/// The largest picture file that is sent, in bytes.
 const MOST_BYTES: u64 = 1 << 30;
 
 async fn written(web: &Web, Which { frame }: Which) -> Option<Vec<u8>> {

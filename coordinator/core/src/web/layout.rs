@@ -1,9 +1,9 @@
-//! The page around its pieces.
+//! The page's layout.
 
 use crate::html;
 use crate::html::Html;
 
-/// What the page shows.
+/// The content of the page.
 pub(super) struct Page {
     pub name: String,
     pub job: String,
@@ -12,11 +12,11 @@ pub(super) struct Page {
     pub width: u32,
     pub height: u32,
     pub pieces: [Html; 5],
-    /// The list of frames, where there are several jobs.
+    /// The list of frames, if there are several jobs.
     pub frames: Option<Html>,
-    /// The job has no passes from zero on, and so no image.
+    /// Whether the job has no passes from zero on, and so no image.
     pub is_part: bool,
-    /// Passes of the picture; zero when there is none.
+    /// Passes in the picture; zero if there is none.
     pub shown: u64,
     pub exposure: f32,
     pub lowest: f32,
@@ -25,13 +25,13 @@ pub(super) struct Page {
     pub white_balance: f32,
     pub coldest: f32,
     pub hottest: f32,
-    /// What is shown: the name of a view.
+    /// The name of the view shown.
     pub view: String,
-    /// Those that there are beside the image: name and words.
+    /// Other views: name and label.
     pub views: Vec<(String, String)>,
     pub scale: Vec<(String, u32)>,
     pub done: Option<bool>,
-    /// Passes that the job will have, where there is such a number.
+    /// Total number of passes, if limited.
     pub limit: u64,
     pub is_over: bool,
     pub is_paused: bool,
@@ -141,7 +141,7 @@ impl Page {
         )
     }
 
-    /// In words, what is shown.
+    /// What is shown, in words.
     fn caption(&self) -> String {
         if self.is_part {
             return "Passes from zero on make an image, and others render those".into();

@@ -1,5 +1,5 @@
-//! What open pages are told: pieces of the page, whenever they change. They are made once for all pages, and only while
-//! there are any.
+//! Updates for open pages: pieces of the page that have changed. They are made once for all pages, and only while any
+//! is open.
 
 use super::{Web, page};
 use crate::series::Series;
@@ -16,21 +16,21 @@ use tokio::time::{MissedTickBehavior, interval, sleep};
 use tokio_stream::wrappers::ReceiverStream;
 use tracing::Instrument;
 
-/// Time between looks at the farm.
+/// Time between checks of the farm.
 const LOOK: Duration = Duration::from_secs(1);
 /// Time for pages to fetch the last picture when the job is over.
 const LAST_LOOK: Duration = Duration::from_secs(1);
 
-/// Nothing more will come.
+/// No more updates will come.
 const OVER: &str = "over";
-/// Another job is shown from now on.
+/// A different job is shown from now on.
 const NEXT: &str = "next";
 
-/// A piece of the page: the name of its place, and what stands there. `over` or `next` is the last.
+/// A piece of the page: the name of its place, and its HTML. `over` or `next` is the last.
 type Piece = (&'static str, Arc<str>);
 type Pieces = Vec<Piece>;
 
-/// What open pages are told.
+/// Sends updates to open pages.
 pub(super) struct Live {
     series: Arc<Series>,
     pieces: watch::Sender<Pieces>,
@@ -58,8 +58,8 @@ impl Live {
     }
 }
 
-/// Make the pieces as long as somebody wants them. What is shown is the job that is first in line; when that is another
-/// one, pages are told to begin anew.
+/// Make the pieces while somebody wants them. They show the first job in line; when that changes, pages are told to
+/// reload.
 async fn make(series: Arc<Series>, pieces: watch::Sender<Pieces>) {
     let mut ticks = interval(LOOK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);

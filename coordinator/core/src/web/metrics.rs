@@ -1,4 +1,4 @@
-//! `/metrics`, for Prometheus: the job's counters, read when they are asked for.
+//! `/metrics` for Prometheus: the job's counters, read on request.
 
 use super::Web;
 use crate::farm::Progress;
@@ -103,7 +103,7 @@ fn is_there(state: WorkerState) -> bool {
     !matches!(state, WorkerState::Gone | WorkerState::ShutOut)
 }
 
-/// Names get `beamfarm_` before them and `_total` behind.
+/// Names are prefixed with `beamfarm_` and suffixed with `_total`.
 fn counters(progress: &Progress) -> [(&'static str, &'static str, u64); 14] {
     let stats = progress.stats;
     [

@@ -1,5 +1,5 @@
-//! The page that shows a job, and what machines read of it: `/metrics` and `/healthz`. Everything is compiled in, and
-//! nothing is loaded from elsewhere.
+//! The page that shows a job, with `/metrics` and `/healthz` for machines. Everything is compiled in; nothing is loaded
+//! from elsewhere.
 
 mod buttons;
 mod curve;
@@ -29,27 +29,27 @@ use live::Live;
 use serde::Deserialize;
 use std::sync::Arc;
 
-/// Nothing but what this server sends, and what the script makes of it. No page may frame it, and no form of it goes
+/// Allows only what this server sends and what the script makes of it. No page may frame it, and no form may post
 /// elsewhere.
 const POLICY: &str = "default-src 'none'; img-src 'self' blob:; style-src 'self'; script-src 'self'; connect-src 'self'; \
                       form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
-/// Exposures that pictures are made for, stops.
+/// Range of exposures, in stops.
 const EXPOSURES: std::ops::RangeInclusive<f32> = -20.0..=20.0;
 
-/// What the handlers share.
+/// Shared by the handlers.
 pub(crate) struct Web {
     series: Arc<Series>,
     live: Live,
 }
 
 impl Web {
-    /// The job that is shown: the first in line.
+    /// The job shown: the first in line.
     fn watch(&self) -> Arc<Watch> {
         self.series.current()
     }
 }
 
-/// The routes of the page.
+/// The page's routes.
 pub(crate) fn routes(series: Arc<Series>) -> Router {
     let web = Arc::new(Web {
         live: Live::new(series.clone()),
@@ -81,8 +81,8 @@ pub(crate) fn routes(series: Arc<Series>) -> Router {
     around(page)
 }
 
-/// A page with what every page here has: the way in by a link with the token, its icon, and what keeps browsers from
-/// doing more than it needs.
+/// Adds to a page what every page here has: the entrance for links with a token, the icon, and headers that restrict
+/// the browser.
 pub(crate) fn around(page: Router) -> Router {
     page.route(
         ENTER,
@@ -115,28 +115,28 @@ async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
     ([(CONTENT_TYPE, kind)], text)
 }
 
-/// What a page shows, in its address.
+/// Query parameters of a page.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default)]
 struct Asked {
-    /// Stops.
+    /// Exposure, stops.
     exposure: Option<String>,
     /// `error` for the map of the error, `false` for luminance in false colours, or the name of a layer.
     view: Option<String>,
-    /// `standard`, `filmic` or `agx`.
+    /// Display curve: `standard`, `filmic` or `agx`.
     curve: Option<String>,
-    /// Kelvin.
+    /// White balance, kelvin.
     white_balance: Option<String>,
     passes: Option<u64>,
-    /// What became of what a button asked for.
+    /// The result of a button's action.
     done: Option<bool>,
-    /// Of a pixel.
+    /// Pixel coordinates.
     x: u32,
     y: u32,
 }
 
 impl Asked {
-    /// Exposure, stops. What makes no sense is as if it was not there.
+    /// Exposure, stops. Invalid values are ignored.
     fn exposure(&self, watch: &Watch) -> f32 {
         let asked = self.exposure.as_deref().and_then(|text| text.parse().ok());
         let exposure: f32 = asked
@@ -145,7 +145,7 @@ impl Asked {
         exposure.clamp(*EXPOSURES.start(), *EXPOSURES.end())
     }
 
-    /// How radiance is shown, likewise: as the job's PNG where nothing else is asked for.
+    /// How radiance is displayed, likewise; by default as in the job's PNG.
     fn view(&self, watch: &Watch) -> View {
         let job = watch.terms().view;
         let white_balance = self.white_balance.as_deref().and_then(|text| text.parse().ok());
@@ -155,7 +155,7 @@ impl Asked {
                 .as_deref()
                 .and_then(ViewTransform::named)
                 .unwrap_or(job.transform),
-            // As far as a slider goes, so that what it leaves and comes back to is the same.
+            // Rounded to the slider's step, so that returning to a value gives the same view.
             exposure: (100.0 * self.exposure(watch)).round() / 100.0,
             white_balance: white_balance
                 .filter(|kelvin| white::RANGE.contains(kelvin))

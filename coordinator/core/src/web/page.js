@@ -1,15 +1,15 @@
-// Puts newer pieces of the page in their places as the coordinator sends them, and fetches the picture when there is a new
-// one. The page is complete without it.
+// Replaces pieces of the page as the coordinator sends them, and fetches each new picture. The page is complete without
+// it.
 "use strict";
 
 const at = (id) => document.getElementById(id);
 const shown = at("shown"), exposure = at("exposure"), view = at("view"), tone = at("tone"), white = at("white"), zoom = at("zoom");
 const name = document.querySelector("h1").textContent;
 
-let available = 0;   // passes of the newest picture that the coordinator has
-let wanted = "";     // address of the picture that should be there
-let there = "";      // address of the one that is
-let current = null;  // that one itself
+let available = 0;   // passes of the newest picture on the coordinator
+let wanted = "";     // address of the picture to show
+let there = "";      // address of the picture shown
+let current = null;  // the picture shown
 let fetching = false;
 
 function say(text, calm) {
@@ -42,7 +42,7 @@ function look() {
   }
 }
 
-// One at a time: a slider asks for the next when the last has come.
+// One at a time: a slider requests the next picture when the last has arrived.
 async function load() {
   if (fetching || wanted === there) return;
   fetching = true;
@@ -74,7 +74,7 @@ async function load() {
 }
 
 const frame = at("frame");
-let factor = 0;      // of the picture's pixels; 0 fits it into the frame
+let factor = 0;      // zoom: screen pixels per picture pixel; 0 fits the picture into the frame
 
 function zoomed() {
   shown.classList.toggle("zoomed", factor > 0);
@@ -82,7 +82,7 @@ function zoomed() {
   cover();
 }
 
-// To this factor, and what is under the pointer stays there.
+// Zoom to this factor, keeping what is under the pointer in place.
 function zoomTo(to, event) {
   const from = shown.clientWidth / shown.getAttribute("width");
   const box = shown.getBoundingClientRect();
@@ -113,7 +113,7 @@ addEventListener("pointermove", (event) => {
 });
 addEventListener("pointerup", () => { drag = null; });
 
-// What the pixel under the pointer holds; one question at a time.
+// Values of the pixel under the pointer; one request at a time.
 let pointed = null, asking = false;
 frame.addEventListener("pointermove", (event) => {
   const box = shown.getBoundingClientRect();
@@ -143,7 +143,7 @@ async function ask() {
   if (pointed !== question) ask();
 }
 
-// A picture that is held lies over the left part of the one that goes on.
+// A held picture covers the left part of the current one.
 const held = at("held");
 function cover() {
   if (held.hidden) return;
@@ -206,7 +206,7 @@ at("steering").addEventListener("submit", async (event) => {
 });
 at("extend").addEventListener("click", () => tell(`/extend?passes=${Number(at("passes").value)}`));
 
-// The rate of each worker since the page was opened, as a line beside the number. A second apart, as the news come.
+// The rate of each worker since the page was opened, as a line next to the number. Updates come a second apart.
 const rates = new Map();
 function drawRates() {
   const seen = new Map();
@@ -240,7 +240,7 @@ news.addEventListener("image", (event) => {
   available = Number(event.data);
   look();
 });
-// Another frame is first in line: its page has another picture, and another name.
+// Another frame is first in line: its page has another picture and another name.
 news.addEventListener("next", () => {
   news.close();
   location.reload();

@@ -1,5 +1,5 @@
-//! The page and its pieces. They are made here whole, numbers, tables and curve, so that the page is complete without a
-//! script; the script only puts newer pieces in their places.
+//! The page and its pieces. Numbers, tables and the curve are made here, so that the page is complete without a script;
+//! the script only replaces pieces with newer ones.
 
 use super::layout::Page;
 use super::{Asked, EXPOSURES, Web, curve, frames};
@@ -16,18 +16,18 @@ use beamfarm_image::view::white;
 use beamfarm_proto::VERSION;
 use std::time::{Duration, SystemTime};
 
-/// Workers and events that a page lists.
+/// The most workers and events on a page.
 const WORKERS: usize = 200;
 const EVENTS: usize = 60;
 const TROUBLES: usize = 10;
-/// Workers heard of this recently are simply there.
+/// Workers heard of within this time are shown as "now".
 const RECENT: Duration = Duration::from_secs(15);
 
-/// Where the job stands, in a shape and in words.
+/// The job's state, as a symbol and in words.
 struct Headline {
     shape: &'static str,
     words: String,
-    /// Class of its style.
+    /// CSS class.
     class: &'static str,
 }
 
@@ -51,7 +51,7 @@ struct Line {
     text: String,
 }
 
-/// The pieces, by the names of their places; `image` is the number of passes of the picture that there is.
+/// The pieces by place; `image` is the number of passes in the available picture.
 pub(super) async fn pieces(series: &Series, watch: &Watch) -> Vec<(&'static str, String)> {
     let picture = watch.picture().await;
     let shown = picture.as_ref().map_or(0, |picture| picture.average.passes);
@@ -156,7 +156,7 @@ fn headline(watch: &Watch, progress: &Progress) -> Headline {
 
 fn state(watch: &Watch, progress: &Progress, picture: Option<&Picture>) -> Html {
     let headline = headline(watch, progress);
-    // Rounded down: nothing looks finished that is not.
+    // Rounded down, so that nothing looks finished before it is.
     let percent = (1000.0 * watch.fraction(progress)).floor() / 10.0;
     let rates = watch.rates();
     let over = watch.farm().end().is_some();
@@ -221,7 +221,7 @@ fn state(watch: &Watch, progress: &Progress, picture: Option<&Picture>) -> Html 
     )
 }
 
-/// What more is known of the picture's error.
+/// More details of the picture's error.
 fn quality(picture: &Picture) -> Vec<(&'static str, String)> {
     let mut facts = Vec::new();
     let Picture { average, noise, .. } = picture;
@@ -257,7 +257,7 @@ fn workers(progress: &Progress) -> Html {
     )
 }
 
-/// Those that do not offer the job's engine, the last one first.
+/// Workers without the job's engine, the most recent first.
 fn unable(progress: &Progress) -> Option<Html> {
     let one = |unable: &Unable| {
         html!(
@@ -284,7 +284,7 @@ fn present(progress: &Progress) -> Html {
              <code>beamfarm worker --connect URL</code></p>"
         );
     }
-    // Those that are there first, each in the order of registration.
+    // Present workers first, each group in order of registration.
     views.sort_by_key(|view| matches!(view.state, WorkerState::Gone));
     let more = views.len().saturating_sub(WORKERS);
     let more = (more > 0).then(|| {
@@ -417,7 +417,7 @@ fn log(events: &[Event]) -> Html {
     lines(&all).unwrap_or_else(|| html!("<p class=\"soft\">Nothing has happened yet.</p>"))
 }
 
-/// A list, unless there is nothing in it.
+/// A list, if not empty.
 fn lines(lines: &[Line]) -> Option<Html> {
     let items = lines.iter().map(|line| {
         html!(
@@ -534,7 +534,7 @@ mod tests {
         for pass in 0..32u8 {
             let scale = 1.0 / f64::from(pass + 1);
             let mut film = Film::new(64, 32);
-            // The left tile is biased, one pixel of the right one is wild.
+            // The left tile is biased; one pixel of the right one is an outlier.
             for (i, pixel) in film.pixels.iter_mut().enumerate() {
                 let noise = f32::from((pass / 2 + pass) % 2) * 0.01;
                 let bias = if i % 64 < 32 { 0.1 * scale as f32 } else { 0.0 };

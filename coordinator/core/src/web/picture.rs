@@ -1,4 +1,4 @@
-//! The picture: to look at, to take away, and the values of its pixels.
+//! The picture: to view, to download, and the values of its pixels.
 
 use super::{Asked, Web};
 use crate::watch::unix_time;
@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-/// Names the passes of a picture.
+/// Header with the number of passes in a picture.
 const PASSES: HeaderName = HeaderName::from_static("beamfarm-passes");
 
 fn none() -> Response {
@@ -71,7 +71,7 @@ pub(super) async fn exr(State(web): State<Arc<Web>>, Query(asked): Query<Asked>)
     }
 }
 
-/// What is a character of a file's name everywhere.
+/// Keeps only characters that are safe in file names everywhere.
 fn plain(title: &str) -> String {
     let name: String = title
         .chars()
@@ -89,7 +89,7 @@ fn plain(title: &str) -> String {
     }
 }
 
-/// What a pixel holds, by layer.
+/// A pixel's values by layer.
 pub(super) async fn pixel(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
     let watch = web.watch();
     let Some(picture) = watch.pictures().of(asked.passes).await else {
@@ -110,7 +110,7 @@ pub(super) async fn pixel(State(web): State<Arc<Web>>, Query(asked): Query<Asked
     let text = json!({
         "passes": average.passes,
         "radiance": values(film),
-        // Null where nothing can be said of it.
+        // Null where unknown.
         "standard_error": values(&average.standard_error),
         "layers": layers,
     });

@@ -1,10 +1,10 @@
-//! Small pictures.
+//! Thumbnails.
 
 use beamfarm_image::png::encode_rgb;
 use std::io::Cursor;
 
-/// A small one of a picture as [`write_png`](beamfarm_image::png::write_png) writes it, with the longer side at most
-/// `side`: means of squares of pixels, as they are encoded. `None` where it is no such picture.
+/// A thumbnail of a picture written by [`write_png`](beamfarm_image::png::write_png), with the longer side at most
+/// `side`. It averages squares of encoded pixel values. `None` for other files.
 pub(super) fn thumbnail(png: &[u8], side: u32) -> Option<Vec<u8>> {
     let mut reader = png::Decoder::new(Cursor::new(png)).read_info().ok()?;
     let mut data = vec![0; reader.output_buffer_size()?];
@@ -53,7 +53,7 @@ mod tests {
         let (width, height, pixels) = decode(&thumbnail(&png, 3).unwrap());
         assert_eq!((width, height), (3, 2));
         assert_eq!(pixels[..9], [63, 255, 63, 0, 255, 0, 127, 127, 127]);
-        // One that is small enough stays as it is.
+        // A picture that is small enough stays as it is.
         assert_eq!(decode(&thumbnail(&png, 5).unwrap()), decode(&png));
         assert_eq!(thumbnail(b"no picture", 5), None);
     }

@@ -60,7 +60,7 @@ fn a_gesture_is_one_step_of_undo() {
         thing: "lights.0".into(),
         by: [x, 0.0, 0.0],
     };
-    // Totals, not steps.
+    // Totals, not increments.
     for x in [0.25, 0.5, 1.0] {
         bench.change(&drag(x)).unwrap();
     }

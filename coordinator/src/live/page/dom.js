@@ -1,6 +1,6 @@
-// Elements of the page.
+// Creates elements of the page.
 
-// Attributes that are true stand without a value; those that are false or nothing are left out.
+// Attributes that are true have no value; false and null ones are omitted.
 export function element(name, attributes = {}, ...inside) {
   const node = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {

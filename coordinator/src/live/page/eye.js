@@ -1,21 +1,21 @@
-// The camera that this page looks through. Between messages it is the page's own; the server hears where it is.
+// The page's camera. It moves without waiting for the server, which is told its position.
 
-// A key or the wheel that has not been touched for so long has been let go.
+// A key or the wheel counts as released after this many milliseconds.
 const RESTED = 350;
 
 export class Eye {
-  // `moved`: after every change.
+  // `moved` is called after every change.
   constructor(wire, moved) {
     this.wire = wire;
     this.moved = moved;
     this.camera = null;
     this.gesture = null;
-    this.sent = 0;            // the last change that was sent; scenes before it know less than the page
-    this.fov = null;          // as the scene has it
+    this.sent = 0;            // the last change sent; earlier scenes lack it
+    this.fov = null;          // the scene's value
     this.timer = null;
   }
 
-  // Why it cannot be moved; null if it can.
+  // Why the camera cannot be moved; null if it can.
   get fixed() {
     return this.camera === null ? "There is no scene yet." : this.camera.fixed ?? null;
   }
@@ -29,12 +29,12 @@ export class Eye {
     this.moved();
   }
 
-  // The server did not take this change.
+  // The server refused this change.
   refused(seq) {
     if (seq === this.sent) this.sent = 0;
   }
 
-  // The connection is gone, and what was sent over it.
+  // The connection and the changes sent over it are lost.
   forget() {
     clearTimeout(this.timer);
     this.gesture = null;
@@ -60,7 +60,7 @@ export class Eye {
     this.moved();
   }
 
-  // As `go`, of what has no end of its own.
+  // Like `go`, for input without an explicit end.
   nudge(camera, time) {
     this.go(camera, time);
     clearTimeout(this.timer);

@@ -1,4 +1,4 @@
-// One field of the scene: its controls, which show what the server says and say what people do with them.
+// One field of the scene: its controls show the server's values and send the user's changes.
 
 import { element } from "./dom.js";
 import { colourOf, rangeInWords, rounded, scaleOf, scrubbed, shown, stepOf, valuesOf } from "./numbers.js";
@@ -15,15 +15,15 @@ export class Field {
     this.wire = wire;
     this.field = field;
     this.gesture = null;      // while a slider, a label or a colour is held
-    this.sent = 0;            // the last change that no scene has shown
-    this.isTouched = false;   // there is text that has not been said yet
+    this.sent = 0;            // the last change that no scene includes yet
+    this.isTouched = false;   // there is text that has not been sent
     this.error = null;
     this.scale = null;
     this.build();
     this.update(field, Infinity);
   }
 
-  // What makes other controls necessary.
+  // A change of these values requires new controls.
   static shape(field) {
     const { kind, value, default: usual, choices } = field;
     return JSON.stringify([kind, kind === "vector" ? sizeOf(field) : 0, typeof (value ?? usual) === "string", choices]);
@@ -36,7 +36,7 @@ export class Field {
     this.shape = Field.shape(field);
     this.inputs = [];
     const value = field.value ?? field.default;
-    // A texture, in place of a colour.
+    // A texture in place of a colour.
     const isWord = ["number", "color", "vector"].includes(field.kind) && typeof value === "string";
     this.kind = isWord ? "text" : field.kind;
     this.controls = element("div", { class: "controls" });
@@ -49,7 +49,7 @@ export class Field {
       default: this.addText();
     }
     this.inputs[0].id = this.id;
-    // Long names break after underscores.
+    // Long names wrap after underscores.
     const parts = field.name.split(/(?<=_)/).flatMap((part) => [part, element("wbr")]);
     this.label = element("label", { for: this.id }, ...parts.slice(0, -1));
     if (this.kind === "number" || this.kind === "color") this.addScrub();
@@ -115,7 +115,7 @@ export class Field {
       ["keyup", () => this.rest()]);
   }
 
-  // A slider without steps has keys of its own.
+  // A slider without steps handles keys itself.
   slideByKey(event) {
     const step = { ArrowLeft: -10, ArrowDown: -10, ArrowRight: 10, ArrowUp: 10, PageDown: -100, PageUp: 100 }[event.key];
     if (step === undefined || this.scale === null) return;
@@ -142,7 +142,7 @@ export class Field {
     return Number.isFinite(this.field.max) && this.field.max <= 1 ? this.field.max || 1 : most > 0 ? most : 1;
   }
 
-  // Drag the label: numbers become more or less, colours brighter or darker.
+  // Drag the label to scale numbers or brighten colours.
   addScrub() {
     this.label.classList.add("scrub");
     let start = null;
@@ -172,21 +172,21 @@ export class Field {
         if (start?.hasMoved) this.rest();
       });
     }
-    // After a drag the click is none.
+    // Suppress the click after a drag.
     this.label.addEventListener("click", (event) => {
       if (start?.hasMoved) event.preventDefault();
       start = null;
     });
   }
 
-  // What is shown, as numbers.
+  // The displayed numbers.
   values() {
     const value = this.field.value ?? this.field.default ?? 0;
     if (Array.isArray(value)) return value.map(Number);
     return this.kind === "number" ? [Number(value)] : this.inputs.map(() => Number(value) || 0);
   }
 
-  // What the inputs say; those that are empty, or show what was there in short, mean that. Null if it is nothing.
+  // The values in the inputs; empty or abbreviated ones keep their values. Null if invalid.
   written() {
     const before = this.values();
     const values = this.inputs.map((input, i) => {
@@ -197,7 +197,7 @@ export class Field {
     return this.kind === "number" ? values[0] : values;
   }
 
-  // What the page itself said of the text is over when the text is right.
+  // The page's own error message disappears when the text is valid.
   type() {
     this.isTouched = true;
     if (this.error === NO_NUMBER && this.written() !== null) this.fail(null);
@@ -214,7 +214,7 @@ export class Field {
     else this.say(value, event);
   }
 
-  // What has been typed counts now.
+  // Apply the typed text.
   commitTyped(event) {
     if (!this.isTouched) return;
     if (this.kind === "text") this.say(this.inputs[0].value, event);
@@ -245,7 +245,7 @@ export class Field {
     }
   }
 
-  // A change that is all of its gesture.
+  // A change that is a complete gesture.
   say(value, event) {
     this.isTouched = false;
     this.send(value, event.timeStamp);
@@ -260,7 +260,7 @@ export class Field {
     const make = () => ({ type: "set", gesture, path, value });
     this.sent = Infinity;
     this.wire.change(`set ${path}`, time, make, (seq) => { this.sent = seq; });
-    // Shown at once; the scene says what became of it.
+    // Shown at once; the next scene has the result.
     this.field = { ...this.field, value, given: value !== null };
     this.show();
   }
@@ -282,7 +282,7 @@ export class Field {
     this.isTouched = false;
   }
 
-  // The server's word, in a scene that knows the page's changes up to `seq`.
+  // The server's value, from a scene that includes the page's changes up to `seq`.
   update(field, seq) {
     this.heard = { value: field.value, given: field.given };
     const isBusy = this.gesture !== null || this.isTouched || seq < this.sent || this.error !== null;
@@ -326,7 +326,7 @@ export class Field {
   }
 
   showSwatch(values) {
-    // Not while somebody chooses: the browser's window has the colour then.
+    // Not while the browser's colour picker is open.
     if (this.gesture === null) this.swatch.value = colourOf(values, this.swatchScale());
   }
 
@@ -339,7 +339,7 @@ export class Field {
     this.slider.setAttribute("aria-valuetext", `${shown(value)} ${this.field.unit ?? ""}`.trim());
   }
 
-  // What is wrong with it; null if nothing.
+  // Shows an error; null clears it.
   fail(message) {
     this.error = message;
     this.message.hidden = message === null;

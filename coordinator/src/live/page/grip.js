@@ -1,4 +1,4 @@
-// A thing in somebody's hand: how far it has been moved or turned since it was taken, by the pointer or by keys.
+// An object being moved or turned, by the pointer or by keys, with the total change since it was taken.
 
 import {
   add, alongAxis, axes, cross, dot, length, onPlane, project, subtract, through, times, turnOf, unit,
@@ -6,33 +6,33 @@ import {
 
 const WORLD = { x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1] };
 const SNAP = 15;
-// Degrees for a motion by the picture's height.
+// Degrees per picture height of pointer motion.
 const SKY = 90;
 
 export class Grip {
-  // `turns` or it is moved; a `sun` turns as if it was dragged over the sky. `point` is where it is, of `thing`, the name that messages call it by. `said` hears what to
-  // show beside the pointer, `sent` the numbers of the changes.
+  // `turns`: turn in place of move. `sun`: turn as if dragged over the sky. `point`: the object's position; `thing`:
+  // its name in messages. `said` receives text to show next to the pointer, `sent` the numbers of changes.
   constructor(wire, camera, { turns, sun, thing, point }, { said, sent }) {
     this.wire = wire;
     this.camera = camera;
     this.view = axes(camera);
     this.turns = turns;
-    this.sun = sun;           // the kind of a light that is dragged over the sky
+    this.sun = sun;           // the kind of light, if it is dragged over the sky
     this.thing = thing;
     this.point = point;
-    this.about = null;        // the axis of a turn that no key has chosen
+    this.about = null;        // the axis of a turn unless a key chose one
     this.says = { said, sent };
     this.gesture = wire.gesture();
-    this.axis = null;         // x, y, z; v is the axis of sight
+    this.axis = null;         // x, y, z, or v for the line of sight
     this.by = [0, 0, 0];
     this.angle = 0;
     this.hasChanged = false;
-    this.from = null;         // where the pointer took it
-    this.pointer = null;      // where it is: { place, isLevel, snaps }
-    this.swept = 0;           // degrees around it on the screen, counterclockwise
+    this.from = null;         // where the pointer took the object
+    this.pointer = null;      // the pointer now: { place, isLevel, snaps }
+    this.swept = 0;           // degrees around the object on the screen, counterclockwise
   }
 
-  // Where it is now.
+  // Its current position.
   get at() {
     return this.turns ? this.point : add(this.point, this.by);
   }
@@ -42,7 +42,7 @@ export class Grip {
     return WORLD[this.axis] ?? this.about ?? (this.turns ? unit(this.camera.up) : null);
   }
 
-  // The pointer is there; its first place is where it took the thing.
+  // The pointer has moved; its first place is where it took the object.
   pull(pointer, time) {
     if (this.turns && !this.sun) {
       if (this.pointer !== null) this.swept += this.sweep(this.pointer.place, pointer.place);
@@ -53,7 +53,7 @@ export class Grip {
     this.follow(time);
   }
 
-  // Degrees around the thing from a place to another.
+  // Degrees around the object from one place to another.
   sweep(from, to) {
     const centre = project(this.camera, this.view, this.point);
     if (centre === null) return 0;
@@ -62,14 +62,14 @@ export class Grip {
     return swept - 360 * Math.round(swept / 360);
   }
 
-  // Along this axis only, or not any more if it was this one.
+  // Constrain to this axis, or release it.
   constrain(axis, time) {
     this.axis = this.axis === axis ? null : axis;
     if (this.pointer !== null) this.follow(time);
     else this.say();
   }
 
-  // Over the sky: what is before the camera follows the pointer.
+  // Over the sky: what is in front of the camera follows the pointer.
   sweepSky(time) {
     const { camera, view } = this;
     const [dx, dy] = subtract([...this.pointer.place, 0], [...this.from, 0]);
@@ -77,7 +77,7 @@ export class Grip {
     const over = -SKY * dy;
     const snapped = (angle) => this.pointer.snaps ? SNAP * Math.round(angle / SNAP) : angle;
     if (this.axis !== null || this.sun === "environment") {
-      // Surroundings keep their horizon, unless a key says otherwise.
+      // An environment keeps its horizon unless a key chooses another axis.
       this.about = [0, 1, 0];
       this.turnTo(snapped(this.axis === null ? around : around + over), time);
       return;
@@ -87,7 +87,7 @@ export class Grip {
     this.turnTo(turned.angle, time);
   }
 
-  // A point before the camera that is as far away: what is behind it, or beside, moves as that would.
+  // A point in front of the camera at the same distance, for objects beside or behind it.
   reference() {
     const { origin } = this.camera;
     const away = subtract(this.point, origin);
@@ -119,7 +119,7 @@ export class Grip {
     if (from !== null && to !== null) this.moveTo(subtract(to, from), time);
   }
 
-  // By keys: to the right, up, and away, each in steps.
+  // By keys: steps to the right, up, and away.
   step([right, up, away], isFine, time) {
     if (this.turns) {
       this.turnTo(this.angle + (right + up + away) * (isFine ? 0.5 : 5), time);
@@ -150,7 +150,7 @@ export class Grip {
     const make = () => this.turns
       ? { type: "turn", gesture, thing, axis: this.direction(), angle: this.angle }
       : { type: "move", gesture, thing, by: this.by };
-    // Before it is sent, which may be at once, and tells from which scene on the place is the server's to say.
+    // Before sending: that may happen at once, and from then on the server decides the position.
     this.say();
     this.wire.change(this.turns ? "turn" : "move", time, make, this.says.sent);
   }
@@ -162,7 +162,7 @@ export class Grip {
     this.says.said((this.turns ? `${this.angle.toFixed(1)}°`.replace("-", "−") : way) + about);
   }
 
-  // As it was when it was taken.
+  // Back to the position where it was taken.
   cancel(time) {
     [this.by, this.angle] = [[0, 0, 0], 0];
     if (this.hasChanged) this.send(time);

@@ -1,12 +1,13 @@
-// What can be taken hold of, drawn over the picture: lights, the shape that is selected, and, if asked for, the others.
+// Handles drawn over the picture: for lights, the selected shape and, on request, other shapes.
 
 import { add, axes, cross, dot, edge, length, project, subtract, times, unit } from "./sight.js";
 
-// Shapes that have handles at once: the largest. Of those that emit, which have some without being asked for, fewer.
+// The most shapes with handles: the largest ones. A smaller limit applies to emissive shapes, which always have
+// handles.
 const MOST = 200;
 const MOST_EMITTERS = 24;
 const RING = { least: 34, most: 150 };
-// Pixels from the edges of the picture to the arrows of lights beyond them, and between the suns in its corner.
+// Pixels between the picture's edge and the arrows of lights beyond it, and between the suns in its corner.
 const MARGIN = 18;
 const SUNS = { first: 52, step: 40 };
 // Drawn around (0, 0).
@@ -24,10 +25,10 @@ const ICONS = {
 };
 
 export const isLight = (thing) => thing.emits || thing.id.startsWith("lights.");
-// Light from infinitely far away, which only turns.
+// Lights at infinity, which only turn.
 const isSun = (thing) => isLight(thing) && ["directional", "environment"].includes(thing.kind);
 
-// What a drag does with it that one may not expect.
+// Restrictions on dragging it.
 function limits(thing) {
   if (isSun(thing)) return thing.turns ? ": drag to turn" : ", cannot be turned";
   return thing.moves ? "" : ", cannot be moved";
@@ -49,12 +50,12 @@ export class Handles {
     this.box = null;
     this.things = new Map();
     this.cones = new Map();     // half angles of spots, degrees
-    this.chosen = [];           // things that may have handles
-    this.suns = [];             // those that have no place in the picture either
+    this.chosen = [];           // objects with handles
+    this.suns = [];             // lights at infinity without a place in the picture
     this.nodes = new Map();     // their elements
     this.selected = null;
     this.showsAll = false;
-    this.moved = new Map();     // where the page has put things: { point, seq }, by what messages call them
+    this.moved = new Map();     // where the page has put objects: { point, seq }, by their names in messages
     this.held = null;           // the grip
     this.frame = null;
   }
@@ -87,7 +88,7 @@ export class Handles {
     this.later();
   }
 
-  // Of all things those with handles, so that no motion of the pointer has to go through all of them.
+  // Choose what has handles, so that pointer motion does not search all objects.
   choose() {
     const placed = [...this.things.values()].filter((thing) => thing.at !== null);
     const [lights, shapes] = [placed.filter(isLight), placed.filter((thing) => !isLight(thing))];
@@ -130,13 +131,13 @@ export class Handles {
     this.later();
   }
 
-  // Where the page has put a thing, before any scene says so.
+  // Where the page has put an object, before the scene confirms it.
   put(name, point, seq = Infinity) {
     this.moved.set(name, { point, seq });
     this.later();
   }
 
-  // Where a thing is, or its target, by what messages call it.
+  // The position of an object or its target, by its name in messages.
   where(name) {
     const moved = this.moved.get(name);
     if (moved !== undefined) return moved.point;
@@ -145,7 +146,7 @@ export class Handles {
     return (isTarget ? thing?.target : thing?.at) ?? null;
   }
 
-  // Whether a thing's place is beyond the edges of the picture.
+  // Whether an object is beyond the picture's edges.
   isOutside(name) {
     const point = this.where(name);
     if (point === null || this.camera === null) return false;
@@ -170,7 +171,7 @@ export class Handles {
     this.drawSelected();
   }
 
-  // On the screen; null for what is behind, or far outside.
+  // Screen position; null behind the camera or far outside.
   screen(point) {
     const seen = point === null ? null : project(this.camera, this.view, point);
     if (seen === null || Math.abs(seen.x) > 20 || Math.abs(seen.y) > 20) return null;
@@ -178,7 +179,7 @@ export class Handles {
     return { x: left + seen.x * width, y: top + seen.y * height, depth: seen.depth };
   }
 
-  // Of a segment, what lies in front of the camera.
+  // The part of a segment in front of the camera.
   segment(from, to, name) {
     const depth = (point) => dot(subtract(point, this.camera.origin), this.view.forward);
     const near = 1e-3 * Math.max(Math.abs(depth(from)), Math.abs(depth(to)));
@@ -232,7 +233,7 @@ export class Handles {
     if (target !== null) this.drawCone(thing, point, target, isSelected);
   }
 
-  // On the screen, at the edge of the picture, towards what is beyond it.
+  // Screen position at the picture's edge, towards something beyond it.
   atEdge(point) {
     const { left, top, width, height } = this.box;
     const margin = [Math.min(0.4, MARGIN / width), Math.min(0.4, MARGIN / height)];
@@ -269,7 +270,7 @@ export class Handles {
     }
   }
 
-  // What a drag is bound to.
+  // The axis that constrains a drag.
   drawAxis() {
     const axis = this.held?.axis ? this.held.direction() : null;
     if (axis === null || this.held.axis === "v") return;
@@ -277,7 +278,7 @@ export class Handles {
     this.segment(subtract(this.held.at, far), add(this.held.at, far), `axis ${this.held.axis}`);
   }
 
-  // Ring and target of the selected thing.
+  // Ring and target of the selected object.
   drawSelected() {
     const thing = this.things.get(this.selected);
     const place = thing ? this.screen(this.where(thing.id)) : null;

@@ -1,4 +1,4 @@
-// Keys on the picture: they move the camera, select things, and move or turn the selected one.
+// Keys on the picture: they move the camera, select objects, and move or turn the selected one.
 
 import { dolly, orbit, pan, widen } from "./sight.js";
 
@@ -8,7 +8,7 @@ const STEPS = { ...ARROWS, PageUp: [0, 0, 1], PageDown: [0, 0, -1] };
 export class Keys {
   constructor(stage, steer, says) {
     Object.assign(this, { stage, steer, says, eye: steer.eye, handles: steer.handles });
-    this.grip = null;         // a thing that keys move or turn
+    this.grip = null;         // the object that keys move or turn
     stage.addEventListener("keydown", (event) => this.key(event));
     stage.addEventListener("pointerdown", () => this.letGo(), true);
     stage.addEventListener("blur", () => this.letGo());
@@ -71,7 +71,7 @@ export class Keys {
     return true;
   }
 
-  // Where a key takes the camera; null if nowhere.
+  // The camera after a key; null if the key does not move it.
   motion(key, pans) {
     const { camera } = this.eye;
     if (key in ARROWS) {
@@ -87,7 +87,7 @@ export class Keys {
     }
   }
 
-  // Keys take hold of the selected thing.
+  // Take the selected object by keys.
   grab(turns) {
     const name = this.handles.selected;
     if (name === null) {

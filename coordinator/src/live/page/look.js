@@ -1,4 +1,4 @@
-// The live view: the scene as the server has it, the picture, and what people do with both.
+// The live view: the server's scene, the picture, and the user's actions on both.
 
 import { element } from "./dom.js";
 import { Eye } from "./eye.js";
@@ -19,10 +19,10 @@ const DOING = {
 };
 
 let scene = null;
-let wide = 0;             // device pixels that the picture may be
+let wide = 0;             // useful width of the picture in device pixels
 let typesPasses = false;
 
-// Words for people, for a while.
+// Show a message for a while.
 function toast(...inside) {
   const close = element("button", { type: "button", "aria-label": "Close" }, "✕");
   const node = element("div", { class: "toast" }, element("span", {}, ...inside), close);
@@ -124,7 +124,7 @@ const says = {
 const steer = new Steer(stage, picture, eye, handles, wire, says);
 const keys = new Keys(stage, steer, says);
 
-// Beside the pointer, or beside the thing that keys move.
+// Next to the pointer, or to the object that keys move.
 let pointer = null;
 stage.addEventListener("pointermove", (event) => { pointer = event; }, true);
 stage.addEventListener("pointerleave", () => { if (steer.drag === null) pointer = null; });
@@ -172,7 +172,7 @@ function hearState({ doing, passes, of, error, workers, seconds }) {
   at("doing").classList.toggle("bad", doing === "no workers");
   if (Number.isFinite(passes)) at("passes").textContent = passes;
   if (Number.isFinite(of)) {
-    // How many are wanted is known once it is known how they are rendered.
+    // The number of passes is known once the settings are.
     if (!typesPasses) at("of").value = of > 0 ? of : "";
     at("count").hidden = !(of > 0 || typesPasses);
     at("progress").value = of > 0 ? Math.min(1, (passes || 0) / of) : 0;
@@ -191,7 +191,7 @@ function say(words, material) {
   at("material").title = "To its material's fields";
 }
 
-// `isOpen`: its fields are where somebody looks already.
+// `isOpen`: its fields are already in view.
 function select(id, isOpen) {
   const thing = id === null ? undefined : handles.things.get(id);
   hasThing = thing !== undefined;
@@ -218,12 +218,12 @@ function expose(by, time) {
   at("exposure").textContent = `${exposure} EV`.replace("-", "−");
 }
 
-// Unless there is none; what has been sent since the scene came may have made one.
+// Do nothing if there is no step; changes sent since the last scene may have added one.
 function goThrough(type, event) {
   if (scene !== null && (scene[type] || wire.seq > scene.seq)) wire.changeNow({ type }, event.timeStamp);
 }
 
-// What the buttons and keys of the bar do.
+// Actions of the bar's buttons and keys.
 const does = {
   undo: (event) => goThrough("undo", event),
   redo: (event) => goThrough("redo", event),
@@ -260,7 +260,7 @@ addEventListener("keydown", (event) => {
       panel.commit(event);
       does.save();
     } else if (key === "z" || key === "y") {
-      // What is being typed has an undo of its own.
+      // Text being typed has its own undo.
       if (isWriting && panel.isTyping) return;
       (key === "y" || event.shiftKey ? does.redo : does.undo)(event);
     } else {

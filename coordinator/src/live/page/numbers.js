@@ -1,8 +1,8 @@
-// Numbers for people: ranges in words, places on sliders, linear radiance as colours of the screen.
+// Numbers for display: ranges in words, slider positions, radiance as screen colours.
 
-// As a slider or a drag makes them: four digits.
+// For sliders and drags: four digits.
 export const rounded = (value) => Number(value.toPrecision(4));
-// Short enough for a small input; whole numbers are whole.
+// Short enough for a small input; integers stay integers.
 export function shown(value) {
   if (!Number.isFinite(value)) return "";
   return String(Number.isInteger(value) ? value : Number(value.toPrecision(5)));
@@ -15,8 +15,8 @@ export function rangeInWords({ min, max, open_min, open_max }) {
   return [low, high].filter(Boolean).join(low && open_max ? " and " : " ");
 }
 
-// Where a number is on a slider from 0 to 1, and back. Linear between near bounds; else logarithmic around the number
-// that there is, from 0 on where 0 is allowed. Null where neither makes sense.
+// Maps a number to a slider position from 0 to 1, and back. Linear between near bounds, otherwise logarithmic around
+// the current value, including 0 where allowed. Null where neither makes sense.
 export function scaleOf({ min, max, open_min, open_max }, value) {
   const [hasMin, hasMax] = [Number.isFinite(min), Number.isFinite(max)];
   if (hasMin && hasMax && max > min && !(min > 0 && max / min > 1000) && max - min <= 1000) {
@@ -42,7 +42,7 @@ export function scaleOf({ min, max, open_min, open_max }, value) {
   };
 }
 
-// A number that is dragged by so many pixels.
+// A number dragged by some pixels.
 export function scrubbed(field, from, pixels) {
   const { min, max, open_min, open_max } = field;
   const [hasMin, hasMax] = [Number.isFinite(min), Number.isFinite(max)];
@@ -56,7 +56,7 @@ export function scrubbed(field, from, pixels) {
   return to;
 }
 
-// A step of the arrow keys.
+// Step of the arrow keys.
 export function stepOf({ min, max }, value) {
   if (Number.isFinite(min) && Number.isFinite(max) && max - min <= 1000) return (max - min) / 100;
   return value === 0 ? 0.1 : 10 ** (Math.floor(Math.log10(Math.abs(value))) - 1);
@@ -65,7 +65,7 @@ export function stepOf({ min, max }, value) {
 const encoded = (v) => v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055;
 const decoded = (v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
 
-// Linear values, brightest 1, as #rrggbb.
+// Linear values as #rrggbb, with the brightest at 1.
 export function colourOf(values, scale) {
   const byte = (v) => Math.round(255 * encoded(Math.min(1, Math.max(0, v / scale))));
   return `#${values.map((v) => byte(v).toString(16).padStart(2, "0")).join("")}`;

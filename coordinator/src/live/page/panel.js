@@ -1,12 +1,13 @@
-// The panel: the scene's fields in groups. Controls are made when a group is opened, and stay while the scene has them.
+// The panel with the scene's fields in groups. Controls are created when a group is opened, and kept while the scene
+// has the fields.
 
 import { element } from "./dom.js";
 import { Field } from "./field.js";
 
-// Groups of these kinds are open at first, so many of them.
+// Kinds of groups that are open initially, up to a limit.
 const OPEN = ["camera", "light", "render"];
 const OPEN_AT_FIRST = 4;
-// Fields that a search shows.
+// The most fields that a search shows.
 const FOUND = 120;
 
 class Group {
@@ -36,7 +37,7 @@ class Group {
     this.sync(seq);
   }
 
-  // Controls for what the scene has; those that are there are told, not made anew.
+  // Update the controls for the scene; existing ones are kept.
   sync(seq = Infinity) {
     if (!this.node.open && this.fields.size === 0) return;
     const paths = new Set(this.records.map((record) => record.path));
@@ -66,7 +67,7 @@ class Group {
 }
 
 export class Panel {
-  // `says.select`: somebody opened the fields of a thing.
+  // `says.select`: the user opened an object's fields.
   constructor(place, search, wire, says) {
     this.place = place;
     this.search = search;
@@ -112,7 +113,7 @@ export class Panel {
     if (this.search.value !== "") this.find();
   }
 
-  // The group of a path, wherever it is.
+  // The group of a path, anywhere.
   groupOf(path) {
     for (const group of this.groups.values()) {
       if (group.records.some((record) => record.path === path)) return group;
@@ -120,14 +121,14 @@ export class Panel {
     return null;
   }
 
-  // The field as the scene or somebody here has it last; null if there is none.
+  // The field's latest value from the scene or the user; null if missing.
   value(path) {
     const group = this.groupOf(path);
     const field = group?.fields.get(path)?.field ?? group?.records.find((record) => record.path === path);
     return field ? field.value ?? field.default : null;
   }
 
-  // As if somebody had typed it there; also where no controls have been made.
+  // As if typed by the user; works without controls.
   set(path, value, time) {
     const group = this.groupOf(path);
     const field = group?.fields.get(path);
@@ -143,7 +144,7 @@ export class Panel {
     this.wire.rest();
   }
 
-  // Shows the fields of the first group of which this is true.
+  // Show the fields of the first group that passes the test.
   reveal(test) {
     const group = [...this.groups.values()].find(test);
     if (group === undefined) return;
@@ -163,7 +164,7 @@ export class Panel {
     this.reveal((group) => group.records[0].group_kind === "material" && group.records[0].group === name);
   }
 
-  // The words of the search, all of them, in the names of group and field.
+  // Find groups and fields whose names contain all words of the search.
   find() {
     const words = this.search.value.toLowerCase().split(/\s+/).filter(Boolean);
     let found = 0;
@@ -183,7 +184,7 @@ export class Panel {
     }
   }
 
-  // Whether there is such a field to show an error at.
+  // Returns whether there is a field to show the error at.
   fail({ seq, path, message }) {
     this.refused(seq);
     const group = path === null || path === undefined ? null : this.groupOf(path);
@@ -220,7 +221,7 @@ export class Panel {
     for (const field of this.fields()) field.forget();
   }
 
-  // What has been typed and not said.
+  // Apply text that was typed but not sent.
   commit(event) {
     for (const field of this.fields()) field.commitTyped(event);
   }

@@ -1,19 +1,19 @@
-// The picture on its canvas: as large as its place allows, never cleared, never older than it was.
+// The picture on its canvas: as large as its place allows, never blank, and never replaced by an older one.
 
 const SETTLED = 150;
 
 export class Picture {
-  // `drawn` hears the header of each picture that has been drawn; `sized` that the picture's box is another one, and
-  // `wanted` how many device pixels wide the picture may be.
+  // `drawn` receives the header of each picture drawn; `sized` is called when the picture's box changes, and `wanted`
+  // with the useful picture width in device pixels.
   constructor(place, canvas, { drawn, done, sized, wanted }) {
     this.place = place;
     this.canvas = canvas;
     this.context = canvas.getContext("2d", { alpha: false });
     this.says = { drawn, done, sized, wanted };
     this.aspect = 16 / 9;
-    this.box = { left: 0, top: 0, width: 0, height: 0 };   // of the picture in its place, CSS pixels
+    this.box = { left: 0, top: 0, width: 0, height: 0 };   // the picture's box in its place, CSS pixels
     this.bitmap = null;
-    this.shown = null;        // header of what is shown
+    this.shown = null;        // header of the picture shown
     this.last = Promise.resolve();
     this.timer = null;
     new ResizeObserver(() => this.fit()).observe(place);
@@ -45,7 +45,7 @@ export class Picture {
     for (const side of ["left", "top", "width", "height"]) this.canvas.style[side] = `${this.box[side]}px`;
     const pixels = [width, height].map((side) => Math.max(1, Math.round(side * devicePixelRatio)));
     if (this.canvas.width !== pixels[0] || this.canvas.height !== pixels[1]) {
-      // Setting a size clears, so what was there is drawn again before anybody sees.
+      // Resizing clears the canvas, so redraw before it is displayed.
       [this.canvas.width, this.canvas.height] = pixels;
       this.paint();
       const isFirst = this.timer === null;
@@ -62,7 +62,7 @@ export class Picture {
     this.context.drawImage(this.bitmap, 0, 0, this.canvas.width, this.canvas.height);
   }
 
-  // Another connection, which may count anew.
+  // A new connection may count from the start.
   forget() {
     this.shown = null;
   }
@@ -75,7 +75,7 @@ export class Picture {
     return first >= 0 && now[first] < then[first];
   }
 
-  // One after the other, in the order in which they came.
+  // One after another, in the order of arrival.
   take(header, blob) {
     this.last = this.last.then(() => this.show(header, blob));
   }
@@ -94,7 +94,7 @@ export class Picture {
     } catch (error) {
       console.warn("A picture was ignored:", error, header);
     }
-    // The next one comes only when this one is done with.
+    // The server sends the next picture only when this one is done.
     this.says.done(header);
   }
 }

@@ -1,4 +1,4 @@
-// Whether a message of the scene is one: what the page relies on is there, and is of the right kind.
+// Validates scene messages: everything the page relies on exists and has the right type.
 
 const isPoint = (value) => Array.isArray(value) && value.length === 3 && value.every(Number.isFinite);
 const isNothing = (value) => value === null || value === undefined;
@@ -9,7 +9,7 @@ function expect(is, what) {
   if (!is) throw new Error(`a scene with a wrong ${what}`);
 }
 
-// Makes good what may be left out.
+// Fills in what may be omitted.
 export function checkScene(scene) {
   expect(isCount(scene.seq) && isCount(scene.revision), "number");
   scene.title = String(scene.title ?? "");

@@ -1,5 +1,5 @@
-// Where points of the world are in the picture, and where the camera goes. No page, no state: numbers in, numbers out.
-// `camera` is that of a scene message. A place in the picture is [x, y] from the upper left corner, 0 to 1.
+// Projects points into the picture and moves the camera. Pure functions, without page or state. `camera` is that of a
+// scene message. A place in the picture is [x, y] from the upper left corner, 0 to 1.
 
 export const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
 export const subtract = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -11,7 +11,7 @@ export const unit = (a) => times(a, 1 / (length(a) || 1));
 
 const degrees = (angle) => angle * Math.PI / 180;
 
-// The camera's axes: `right` is the picture's, so to the left of the world where that is mirrored.
+// The camera's axes: `right` is the picture's, so it points to the world's left in a mirrored picture.
 export function axes(camera) {
   const forward = unit(subtract(camera.target, camera.origin));
   const right = unit(cross(forward, camera.up));
@@ -20,7 +20,7 @@ export function axes(camera) {
 
 const halves = (camera) => [camera.tan_x, camera.tan_x * camera.height / camera.width];
 
-// Where a point is, and how far along the axis; null for what is behind.
+// Place of a point and its distance along the axis; null behind the camera.
 export function project(camera, view, point) {
   const away = subtract(point, camera.origin);
   const depth = dot(away, view.forward);
@@ -31,14 +31,14 @@ export function project(camera, view, point) {
   return { x: 0.5 + 0.5 * x, y: 0.5 - 0.5 * y, depth };
 }
 
-// The way from the camera through a place; one long along the axis.
+// The ray from the camera through a place, with length one along the axis.
 export function through(camera, view, [x, y]) {
   const [half_x, half_y] = halves(camera);
   const sideways = times(view.right, (2 * x - 1) * half_x + camera.shift[0]);
   return add(view.forward, add(sideways, times(view.up, (1 - 2 * y) * half_y + camera.shift[1])));
 }
 
-// Where that way meets the plane through a point; null where it does not, or only near the horizon.
+// Where a ray meets the plane through a point; null if it does not, or only near the horizon.
 export function onPlane(camera, way, point, normal) {
   const slope = dot(way, normal) / length(way);
   if (Math.abs(slope) < 0.02) return null;
@@ -46,7 +46,7 @@ export function onPlane(camera, way, point, normal) {
   return distance > 0 ? add(camera.origin, times(way, distance)) : null;
 }
 
-// How far along an axis through a point the way comes nearest to it; null where they are nearly parallel.
+// Where along an axis through a point a ray comes nearest; null if they are nearly parallel.
 export function alongAxis(camera, way, point, axis) {
   const [w, away] = [unit(way), subtract(point, camera.origin)];
   const cosine = dot(w, axis);
@@ -54,7 +54,7 @@ export function alongAxis(camera, way, point, axis) {
   return sine_square < 1e-3 ? null : (cosine * dot(w, away) - dot(axis, away)) / sine_square;
 }
 
-// One turn in place of two, of `over` degrees about one axis and then of `around` about another, by the right-hand rule.
+// One turn equal to `over` degrees about one axis followed by `around` about another, by the right-hand rule.
 export function turnOf([first, over], [second, around]) {
   const [a, b] = [0.5 * degrees(over), 0.5 * degrees(around)];
   const [u, v] = [times(unit(first), Math.sin(a)), times(unit(second), Math.sin(b))];
@@ -64,14 +64,14 @@ export function turnOf([first, over], [second, around]) {
   return length(axis) > 0 ? { axis: unit(axis), angle } : { axis: unit(second), angle: 0 };
 }
 
-// Where the way from the middle of the picture to a point leaves it: [x, y], and its bearing on the screen in degrees,
-// clockwise from the right. `margin`: shares of width and height that it stays away from the edges. Points behind are
-// told by the side that they are on.
+// Where the line from the picture's centre to a point leaves the picture: [x, y], and its bearing on the screen in
+// degrees, clockwise from the right. `margin`: distance from the edges as fractions of width and height. A point behind
+// the camera is shown on its side.
 export function edge(camera, view, point, margin, aspect) {
   const seen = project(camera, view, point);
   const away = subtract(point, camera.origin);
   let [x, y] = seen !== null ? [seen.x - 0.5, seen.y - 0.5] : [dot(away, view.right), -dot(away, view.up) * aspect];
-  // What is right behind is below.
+  // A point directly behind is shown at the bottom.
   if (!(Math.hypot(x, y) > 1e-9 * (1 + length(away)))) [x, y] = [0, 1];
   const scale = Math.min((0.5 - margin[0]) / Math.abs(x), (0.5 - margin[1]) / Math.abs(y));
   return { at: [0.5 + scale * x, 0.5 + scale * y], bearing: Math.atan2(y, x * aspect) * 180 / Math.PI };
@@ -83,7 +83,7 @@ function turn(v, axis, angle) {
   return add(add(times(v, c), times(cross(axis, v), s)), times(axis, dot(axis, v) * (1 - c)));
 }
 
-// Around the target as on a turntable, by angles in degrees; never over the poles.
+// Turntable motion around the target, by angles in degrees; never over the poles.
 export function orbit(camera, around, over) {
   const up = unit(camera.up);
   const offset = subtract(camera.origin, camera.target);
@@ -97,7 +97,7 @@ export function orbit(camera, around, over) {
   return { ...camera, origin: add(camera.target, times(to, distance)) };
 }
 
-// Sideways, so that what is as far as the target moves by these shares of the picture's width and height.
+// Sideways, so that what is at the target's distance moves by these fractions of the picture's width and height.
 export function pan(camera, x, y) {
   const view = axes(camera);
   const [half_x, half_y] = halves(camera);
@@ -106,14 +106,14 @@ export function pan(camera, x, y) {
   return { ...camera, origin: add(camera.origin, by), target: add(camera.target, by) };
 }
 
-// To this multiple of the distance to the target.
+// Multiply the distance to the target.
 export function dolly(camera, factor) {
   const offset = subtract(camera.origin, camera.target);
   const nearest = 1e-4 / length(offset);
   return { ...camera, origin: add(camera.target, times(offset, Math.max(factor, nearest))) };
 }
 
-// The field of view, by a factor of what is seen.
+// Multiply the width of the view.
 export function widen(camera, factor) {
   const half = (fov) => Math.tan(degrees(0.5 * fov));
   const wanted = half(camera.fov) * factor;

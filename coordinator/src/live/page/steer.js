@@ -1,30 +1,30 @@
-// Pointers and the wheel on the picture: they move the camera, or take hold of things.
+// Pointer and wheel on the picture: they move the camera or drag objects.
 
 import { Grip } from "./grip.js";
 import { dolly, orbit, pan, widen } from "./sight.js";
 
-// Pixels that a pointer may tremble, and the time between the clicks of a double one, in milliseconds.
+// Pixels that a pointer may tremble, and milliseconds between the clicks of a double click.
 const TREMBLE = { mouse: 3, pen: 5, touch: 9 };
 const TWICE = 350;
 const CANNOT_MOVE = "This cannot be moved here: the scene file has no plain position for it.";
 const CANNOT_TURN = "This cannot be turned here: the scene file has no plain direction for it.";
-// Degrees for a motion by the picture's height.
+// Degrees per picture height of pointer motion.
 const SWEEP = 180;
 
 export class Steer {
-  // `says`: `pick` and `focus` with a place, `tell` with words for people, `beside` with words for beside the pointer,
-  // or null.
+  // `says`: `pick` and `focus` with a place, `tell` with a message for the user, `beside` with text to show next to the
+  // pointer, or null.
   constructor(stage, picture, eye, handles, wire, says) {
     Object.assign(this, { stage, picture, eye, handles, wire, says });
     this.pointers = new Map();
     this.drag = null;         // { move, end, cancel } while a pointer is down
-    this.focuses = false;     // the next click does
+    this.focuses = false;     // the next click sets the focus
     this.last = { time: -Infinity, x: 0, y: 0 };
     stage.addEventListener("pointerdown", (event) => this.down(event));
     stage.addEventListener("pointermove", (event) => this.move(event));
     for (const name of ["pointerup", "pointercancel"]) stage.addEventListener(name, (event) => this.up(event));
     stage.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
-    // No scrolling by the middle button.
+    // Disable scrolling with the middle button.
     stage.addEventListener("mousedown", (event) => { if (event.button === 1) event.preventDefault(); });
     addEventListener("keydown", (event) => this.whileDragging(event), true);
     addEventListener("blur", () => {
@@ -33,13 +33,13 @@ export class Steer {
     });
   }
 
-  // In the picture; beyond its edges below 0 and above 1.
+  // Place in the picture; below 0 or above 1 outside it.
   place(event) {
     const box = this.picture.canvas.getBoundingClientRect();
     return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
   }
 
-  // Nothing that was begun goes on.
+  // Abandon everything that was begun.
   forget() {
     this.drag?.forget?.();
     this.drag = null;
@@ -80,7 +80,7 @@ export class Steer {
     else drag?.end(event.timeStamp, event);
   }
 
-  // Whether a pointer has gone far enough to mean it.
+  // Whether a pointer has moved far enough to count as a drag.
   watch(event) {
     const start = { x: event.clientX, y: event.clientY };
     let isMeant = false;
@@ -90,7 +90,7 @@ export class Steer {
     };
   }
 
-  // The camera is moved, or, if it is not, a place is clicked.
+  // Move the camera, or, without a drag, click a place.
   look(event, how) {
     const { eye } = this;
     const isMeant = this.watch(event);
@@ -129,7 +129,7 @@ export class Steer {
     };
   }
 
-  // Two fingers: apart is nearer, together is sideways.
+  // Two fingers: spread to approach, move together to pan.
   pinch(before) {
     const { eye } = this;
     if (eye.fixed !== null) this.says.tell(eye.fixed);
@@ -174,7 +174,7 @@ export class Steer {
     if (is) this.says.tell("Click what is to be in focus.");
   }
 
-  // A grip of the thing or target of this name, if it can be taken. `overSky`: it turns as if it was dragged there.
+  // A grip on the object or target of this name, if it can be taken. `overSky`: turn as if dragged over the sky.
   hold(name, turns, overSky = false) {
     const thing = this.handles.things.get(name) ?? this.handles.things.get(name.replace(/\.target$/, ""));
     const place = this.handles.where(name);
@@ -199,7 +199,7 @@ export class Steer {
     this.says.beside(null);
   }
 
-  // A thing, its target or its ring is dragged.
+  // Drag an object, its target or its ring.
   take(event, node) {
     const { name, grip: kind } = node.dataset;
     const turns = kind === "ring" || kind === "sun";
@@ -244,12 +244,12 @@ export class Steer {
     const unit = [1, 16, 400][event.deltaMode] ?? 1;
     const turned = Math.max(-300, Math.min(300, event.deltaY * unit));
     const isWider = event.ctrlKey || event.altKey;
-    // Pinching a touchpad comes as short turns with Ctrl.
+    // A touchpad pinch arrives as short wheel turns with Ctrl.
     const camera = isWider ? widen(eye.camera, 2 ** (turned / 600)) : dolly(eye.camera, 2 ** (turned / 400));
     eye.nudge(camera, event.timeStamp);
   }
 
-  // Keys that change what a pointer does at this moment.
+  // Keys that change the current drag.
   whileDragging(event) {
     if (this.drag === null || event.ctrlKey || event.metaKey) return;
     const letter = event.key.toLowerCase();

@@ -1,22 +1,22 @@
-// What goes over the WebSocket: changes out, at most one of each kind per animation frame, and news in. How long
-// changes take to be seen is measured here.
+// The WebSocket: sends changes, at most one of each kind per animation frame, and receives messages. Measures how long
+// changes take to become visible.
 
 const LONGEST_WAIT = 8000;
-// Entries of the timeline that are kept.
+// Entries kept in the timeline.
 const ENTRIES = 20000;
 
 export class Wire {
-  // `hears`: a function for each type of message, `frame` for pictures, `opened` and `closed`.
+  // `hears`: a function for each message type, `frame` for pictures, `opened` and `closed`.
   constructor(hears) {
     this.hears = hears;
     this.socket = null;
     this.seq = 0;
     this.gestures = 0;
-    // Two pages at once are not to share a gesture.
+    // Two pages must not share a gesture.
     this.page = Math.random().toString(36).slice(2, 8);
-    this.waiting = new Map();     // changes for the next animation frame, by what they change
-    this.isSpent = false;         // there was a message in this animation frame
-    this.unseen = [];             // changes that no picture has shown, the oldest first
+    this.waiting = new Map();     // changes for the next animation frame, by key
+    this.isSpent = false;         // a message was sent in this animation frame
+    this.unseen = [];             // changes that no picture has shown, oldest first
     this.marks = 0;
     this.wait = 0;
     this.retry = null;
@@ -75,7 +75,7 @@ export class Wire {
     return this.socket?.readyState === WebSocket.OPEN;
   }
 
-  // What is no change.
+  // A message that is not a change.
   tell(message) {
     if (this.isOpen) this.socket.send(JSON.stringify(message));
   }
@@ -86,15 +86,15 @@ export class Wire {
     return `${this.page}-${this.gestures}`;
   }
 
-  // A change that counts from `time` on. One that waits for its frame gives way to a later one of the same `key`, but
-  // the time is that of the first. `make` gives the message; `sent` hears its number.
+  // A change made at `time`. It replaces a waiting change with the same `key`, and takes over that one's time. `make`
+  // creates the message; `sent` receives its number.
   change(key, time, make, sent) {
     const first = this.waiting.get(key);
     this.waiting.set(key, { time: first ? first.time : time, make, sent });
     if (!this.isSpent) this.flush();
   }
 
-  // A change that is one by itself, as undo.
+  // A change that is a separate step, such as undo.
   changeNow(message, time) {
     this.flush();
     this.send({ time, make: () => message });

@@ -1,13 +1,13 @@
-//! From error against time to slopes and times. All in log-log, where convergence is a straight line.
+//! Slopes and times from error over time. All in log-log coordinates, where convergence is a straight line.
 
 use super::suite::Point;
 use crate::measure::figure::superscript;
 use serde::Serialize;
 
-/// Errors whose times are told.
+/// Errors for which the time is reported.
 pub const TARGETS: [f64; 3] = [1e-1, 1e-2, 1e-3];
 
-/// What a clock counts.
+/// The clock that times are measured with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
     Wall,
@@ -22,7 +22,7 @@ impl Clock {
         }
     }
 
-    /// Seconds and errors of the points whose time on this clock is known.
+    /// (seconds, error) of the points whose time on this clock is known.
     pub fn curve(self, points: &[Point]) -> Vec<(f64, f64)> {
         let time = |point: &Point| match self {
             Self::Wall => Some(point.wall_seconds),
@@ -38,19 +38,19 @@ impl Clock {
 pub struct Fit {
     /// d log(error) / d log(seconds); -1 for an unbiased average.
     pub slope: f64,
-    /// How many points it was fitted to.
+    /// The number of points fitted.
     pub points: usize,
-    /// Time of the first of them.
+    /// Time of the first fitted point.
     pub from_seconds: f64,
 }
 
-/// The tail: what lies within this factor of the longest time, and at least so many points.
+/// The tail: points within this factor of the longest time, and at least three.
 const TAIL: f64 = 9.0;
 const TAIL_POINTS: usize = 3;
-/// Curves flatter than this lead nowhere.
+/// A flatter curve never reaches an error.
 const STEEPEST_FLAT: f64 = -0.05;
 
-/// Least squares over the tail of a curve of (seconds, error), sorted by time. Nothing for fewer than two times.
+/// Least-squares fit to the tail of a curve of (seconds, error), sorted by time. `None` for fewer than two times.
 pub fn fit(curve: &[(f64, f64)]) -> Option<Fit> {
     let last = curve.last()?.0;
     let late = curve.iter().filter(|point| point.0 * TAIL >= last).count();
@@ -69,19 +69,19 @@ pub fn fit(curve: &[(f64, f64)]) -> Option<Fit> {
     })
 }
 
-/// How long a curve takes to come down to an error.
+/// The time that a curve takes to reach an error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "how", content = "seconds")]
 pub enum TimeTo {
     /// Between two points.
     Interpolated(f64),
-    /// The first point lies below it already.
+    /// The first point is already below it.
     AtMost(f64),
-    /// Not reached; along the fitted slope it would be by then.
+    /// Not reached; extrapolated along the fitted slope.
     Extrapolated(f64),
-    /// From the only point there is, at slope -1.
+    /// Extrapolated from the only point at slope -1.
     Assumed(f64),
-    /// Not reached, and no slope leads there.
+    /// Not reached, and the slope does not lead there.
     Never,
 }
 
@@ -106,8 +106,8 @@ pub fn time_to(curve: &[(f64, f64)], target: f64) -> TimeTo {
     }
 }
 
-/// The error of a curve of (seconds, error), sorted by time, at a time: between two points, or from the nearest at
-/// slope -1.
+/// The error at a time, for a curve of (seconds, error) sorted by time: interpolated, or extrapolated from the nearest
+/// point at slope -1.
 pub fn error_at(curve: &[(f64, f64)], seconds: f64) -> Option<f64> {
     let pair = curve
         .windows(2)
@@ -131,7 +131,7 @@ impl TimeTo {
         }
     }
 
-    /// As a table shows it.
+    /// The text for a table.
     pub fn text(self) -> String {
         match self {
             Self::Interpolated(t) => seconds(t),
@@ -143,7 +143,7 @@ impl TimeTo {
     }
 }
 
-/// How many times sooner `ours` is there than `theirs`, as a table shows it.
+/// How many times sooner `ours` reaches the error than `theirs`, as text for a table.
 pub fn times_faster(ours: TimeTo, theirs: TimeTo) -> String {
     let (Some(a), Some(b)) = (ours.seconds(), theirs.seconds()) else {
         return match theirs {
@@ -163,12 +163,12 @@ pub fn times_faster(ours: TimeTo, theirs: TimeTo) -> String {
     format!("{sign}{}", digits(b / a))
 }
 
-/// Seconds with three digits.
+/// Seconds with three significant digits.
 pub fn seconds(t: f64) -> String {
     format!("{} s", digits(t))
 }
 
-/// A number with three digits, plain where that is short.
+/// A number with three significant digits, without an exponent if that is short.
 pub fn digits(value: f64) -> String {
     match value.abs() {
         v if v >= 1e6 => power(value),
@@ -181,7 +181,7 @@ pub fn digits(value: f64) -> String {
     }
 }
 
-/// A number with three digits and a power of ten: 1.23·10⁻⁴.
+/// A number with three significant digits and a power of ten: 1.23·10⁻⁴.
 pub fn power(value: f64) -> String {
     let text = format!("{value:.2e}");
     match text.split_once('e') {
@@ -213,10 +213,10 @@ mod tests {
         let found = fit(&curve).unwrap();
         assert!((found.slope + 0.6).abs() < 1e-12, "{found:?}");
         assert_eq!((found.points, found.from_seconds), (4, 2.0));
-        // What happens at the start does not matter.
+        // The start of the curve does not matter.
         curve[0].1 = 99.0;
         assert_eq!(fit(&curve), Some(found));
-        // Three points at least, by hand: logs (0, 0), (3, -3), (6, -3) have the slope -9/18.
+        // At least three points, by hand: logs (0, 0), (3, -3), (6, -3) have the slope -9/18.
         let e = |x: f64| libm::exp(x);
         let found = fit(&[(e(-5.0), 1.0), (e(0.0), 1.0), (e(3.0), e(-3.0)), (e(6.0), e(-3.0))]);
         let found = found.unwrap();

@@ -1,4 +1,4 @@
-//! How far an image is from a reference that may itself be noisy.
+//! The difference between an image and a reference that may be noisy itself.
 
 use crate::failure::Failure;
 use beamfarm_image::exr::{read_rgb, read_standard_error};
@@ -7,36 +7,36 @@ use beamfarm_image::metrics::{self, MetricsError};
 use serde::Serialize;
 use std::path::Path;
 
-/// The image that others are compared with.
+/// The image to compare with.
 pub struct Reference {
     pub image: Film,
-    /// relMSE of its own noise.
+    /// relMSE due to its own noise.
     pub noise: Option<f64>,
 }
 
-/// Differences of an image from the reference.
+/// The differences of an image from the reference.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     pub rmse: f64,
     pub rel_mse: f64,
-    /// relMSE less that of the reference's own noise, where that is known. Below zero by chance, if at all.
+    /// relMSE minus that of the reference's own noise, if known. May be slightly negative by chance.
     pub net_rel_mse: Option<f64>,
     pub mean_ratio: f64,
-    /// Largest deviation of the mean of an 8 x 8 block, relative to the reference.
+    /// Largest relative deviation of the mean of an 8 x 8 block.
     pub block_deviation: f64,
-    /// The block's left column and top row.
+    /// Left column and top row of that block.
     pub block: [u32; 2],
 }
 
 impl Comparison {
-    /// The best number there is for the image's error.
+    /// The best available estimate of the image's error.
     pub fn error(&self) -> f64 {
         self.net_rel_mse.unwrap_or(self.rel_mse)
     }
 }
 
 impl Reference {
-    /// Read it. `noise` comes before what the file says.
+    /// Read a reference. `noise` overrides the file's own.
     pub fn read(path: &Path, noise: Option<f64>, size: [u32; 2]) -> Result<Self, Failure> {
         let image = read_rgb(path).map_err(Failure::usage)?;
         if [image.width, image.height] != size {
@@ -54,14 +54,14 @@ impl Reference {
             noise: noise.or_else(|| stderr.map(|stderr| relative_noise(&image, &stderr))),
             image,
         };
-        // Refuses NaN now and not after the rendering.
+        // Rejects NaN now rather than after the rendering.
         reference
             .compare(&reference.image)
             .map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?;
         Ok(reference)
     }
 
-    /// Compare an image with it.
+    /// Compare an image with the reference.
     pub fn compare(&self, image: &Film) -> Result<Comparison, MetricsError> {
         let metrics = metrics::compare(image, &self.image)?;
         let block = metrics.largest_relative;
@@ -76,8 +76,8 @@ impl Reference {
     }
 }
 
-/// relMSE that an image has by noise of this standard error: the mean of stderr^2 / (x^2 + 0.01). As noise is
-/// independent of what the image is compared with, it adds to its relMSE.
+/// relMSE of an image due to noise with this standard error: the mean of stderr^2 / (x^2 + 0.01). The noise is
+/// independent of the comparison image, so it adds to the relMSE.
 pub fn relative_noise(image: &Film, standard_error: &Film) -> f64 {
     let values = image.pixels.iter().flatten();
     let errors = standard_error.pixels.iter().flatten();
@@ -100,7 +100,7 @@ mod tests {
         film
     }
 
-    /// Standard normal enough: twelve uniform numbers of a linear congruential generator.
+    /// Approximately standard normal: twelve uniform numbers of a linear congruential generator.
     fn noise(mut state: u32) -> impl Iterator<Item = f32> {
         let mut uniform = move || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -124,7 +124,7 @@ mod tests {
         };
         let comparison = reference.compare(&image).unwrap();
         assert_eq!(comparison.net_rel_mse, Some(comparison.rel_mse - own));
-        // 1024 pixels: its standard error is that of the mean of 1024 squares of noise of 0.0029, 4.4 % of 0.0112.
+        // 1024 pixels: the standard error is that of the mean of 1024 squares of noise of 0.0029, 4.4 % of 0.0112.
         let error = (comparison.error() - 0.02 * 0.02 / 0.26).abs();
         assert!(error < 4.0 * 0.044 * 0.0112, "{comparison:?}");
         assert!(comparison.rel_mse > 5.0 * comparison.error(), "{comparison:?}");

@@ -1,4 +1,4 @@
-//! Parts of the images side by side, at one pixel a pixel, and where they differ.
+//! Crops of the images side by side, unscaled, with error maps.
 
 use super::record::SceneFindings;
 use crate::failure::Failure;
@@ -8,7 +8,7 @@ use beamfarm_image::film::Film;
 use beamfarm_image::png::encode_png;
 use beamfarm_image::view::View;
 
-/// The same part of all images.
+/// The same crop of all images.
 pub struct Row {
     pub name: String,
     pub pictures: Vec<Picture>,
@@ -24,15 +24,15 @@ pub struct Picture {
 
 /// Side of a crop, pixels.
 const SIDE: u32 = 176;
-/// Relative error at which the map's colours end.
+/// Relative error at the ends of the map's colour scale.
 pub const SCALE: f32 = 0.5;
 
-/// The crops of a scene: those that were asked for, or the middle and where the first run's last image differs most.
+/// The crops of a scene: the requested ones, or the centre and the place where the first run's last image differs most.
 pub fn rows(scene: &SceneFindings) -> Result<Vec<Row>, Failure> {
     let Some(first) = scene.runs.first() else {
         return Ok(Vec::new());
     };
-    // Configurations may differ in size when there is no reference.
+    // Without a reference, configurations may differ in size.
     let size = [first.settings.width, first.settings.height];
     let mut corners = scene.crops.clone();
     if corners.is_empty() {
@@ -42,7 +42,7 @@ pub fn rows(scene: &SceneFindings) -> Result<Vec<Row>, Failure> {
             corners.extend(worst(image, &reference.image, corners[0]));
         }
     }
-    // All of it within the image; of a small one, the same of all.
+    // Keep the crop within the image, and reduce it for small images, the same for all.
     let side = size.map(|side| side.min(SIDE));
     for at in &mut corners {
         *at = [0, 1].map(|i| at[i].min(size[i] - side[i]));
@@ -66,7 +66,7 @@ fn row(scene: &SceneFindings, size: [u32; 2], side: [u32; 2], at: [u32; 2]) -> R
         Ok(())
     };
     for (i, run) in scene.runs.iter().enumerate() {
-        // All steps of the first run, the end of the others.
+        // All steps of the first run, and the last of the others.
         let from = if i == 0 { 0 } else { run.images.len().saturating_sub(1) };
         for (passes, image) in &run.images[from..] {
             if [image.width, image.height] == size {
@@ -116,8 +116,7 @@ fn crop(image: &Film, [x, y]: [u32; 2], [width, height]: [u32; 2]) -> Film {
     }
 }
 
-/// The crop whose relMSE is the largest, of those that cover the image side by side and do not show much of what
-/// `shown` does.
+/// Of the adjacent crops that cover the image and overlap little with `shown`, the one with the largest relMSE.
 fn worst(image: &Film, reference: &Film, shown: [u32; 2]) -> Option<[u32; 2]> {
     let side = [image.width.min(SIDE), image.height.min(SIDE)];
     let columns = (0..image.width / side[0].max(1)).map(|i| i * side[0]);

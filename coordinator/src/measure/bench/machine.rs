@@ -1,14 +1,14 @@
-//! What the numbers were measured on.
+//! The machine on which the numbers were measured.
 
 use serde::Serialize;
 
 #[derive(Clone, Debug, Serialize)]
 pub struct Machine {
     pub cpu: String,
-    /// Cores that this process may use.
+    /// Cores available to this process.
     pub cores: usize,
     pub architecture: &'static str,
-    /// Vector instructions that the processor has.
+    /// Vector instructions of the processor.
     pub vectors: Vec<&'static str>,
     pub system: &'static str,
 }

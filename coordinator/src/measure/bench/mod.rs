@@ -1,4 +1,4 @@
-//! `beamfarm bench`: error against time.
+//! `beamfarm bench`: error over time.
 
 mod analysis;
 mod comparison;
@@ -159,7 +159,7 @@ pub fn main(args: BenchArgs) -> Result<(), Failure> {
     if args.regret {
         return regret::main(&suite, &args.output, args.quiet);
     }
-    // All of them first: nobody should learn of a misspelt name after an hour.
+    // Check everything first, so that a misspelt name does not fail after an hour.
     let prepared = suite
         .scenes
         .iter()
@@ -185,7 +185,7 @@ pub fn main(args: BenchArgs) -> Result<(), Failure> {
                 images: Vec::new(),
             });
             render(scene, &task, args.quiet)?;
-            // What is known so far, should a later run fail.
+            // Write what is known so far, should a later run fail.
             findings.write_csv(&args.output.join("bench.csv"))?;
             findings.write_json(&args.output.join("bench.json"))?;
         }
@@ -218,7 +218,7 @@ fn print_tables(scene: &SceneFindings) {
 
 type NamedTask = (String, Task, Settings);
 
-/// Read what a scene needs, and find what there is to render.
+/// Read what a scene needs, and list its runs.
 fn prepare(
     case: &SceneCase,
     runs: &[RunCase],
@@ -260,7 +260,7 @@ fn prepare(
             integrator: run.integrator,
             paths_per_pass: job_settings.paths_per_pass,
             techniques: job_settings.techniques,
-            // Seconds alone end a run that nothing else is said of.
+            // With a time limit only, the number of passes is unlimited.
             passes: run.passes.or(case.passes).unwrap_or(match seconds {
                 Some(_) => MAX_PASSES,
                 None => description.defaults.passes,
@@ -271,7 +271,7 @@ fn prepare(
     }
     let size = match size {
         Some(size) => size,
-        // Nothing is rendered, but others may be compared.
+        // Nothing is rendered, but peers may be compared.
         None => {
             let (description, _) = load(&case.path, &Overrides::default())?;
             view = description.defaults.view;
@@ -320,7 +320,7 @@ fn measure_peer(peer: &Peer, reference: &Option<Reference>) -> Result<PeerFindin
     })
 }
 
-/// Do the last run of a scene.
+/// Perform the last run of a scene.
 fn render(scene: &mut SceneFindings, task: &Task, quiet: bool) -> Result<(), Failure> {
     let Some(run) = scene.runs.last_mut() else {
         return Ok(());

@@ -1,4 +1,4 @@
-//! What a run changes of its scene.
+//! Scene settings that a run overrides.
 
 use crate::failure::Failure;
 use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind};
@@ -67,7 +67,7 @@ pub struct Overrides {
     pub gpu: Option<String>,
 }
 
-/// Pixels along a side at most.
+/// The largest image side in pixels.
 const MAX_SIDE: i64 = 1 << 14;
 
 fn schedule(text: &str) -> Result<ScheduleKind, String> {
@@ -79,7 +79,7 @@ fn schedule(text: &str) -> Result<ScheduleKind, String> {
 }
 
 impl Overrides {
-    /// These, where they say something, else those.
+    /// These settings, completed by others.
     pub fn or(&self, other: &Self) -> Self {
         Self {
             paths: self.paths.or(other.paths),
@@ -95,7 +95,7 @@ impl Overrides {
         }
     }
 
-    /// Put them in place of the scene's own; returns the settings of the passes, as far as no pilot chooses them.
+    /// Override the scene's settings. Returns the settings of the passes, without what a pilot chooses.
     pub fn apply(&self, description: &mut SceneDescription) -> Result<JobSettings, String> {
         let defaults = &mut description.defaults;
         let settings = JobSettings {
@@ -132,7 +132,7 @@ impl Overrides {
     }
 }
 
-/// What a pilot finds best, where neither the scene nor the overrides say it.
+/// Add the pilot's choice for what neither the scene nor the overrides set.
 pub fn chosen(description: &SceneDescription, settings: JobSettings, overrides: &Overrides) -> JobSettings {
     let paths = overrides.paths.or(description.defaults.paths_per_pass);
     let choice = Choice::new(&Cpu, description, Question::new(settings, paths));

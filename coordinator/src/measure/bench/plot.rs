@@ -1,12 +1,12 @@
-//! Log-log plots as SVG. Colours are those of a light page; the page's style sheet finds them by their values and puts
-//! others in their place on a dark one.
+//! Log-log plots as SVG. They use the colours of the light page; the page's style sheet replaces each by its value on a
+//! dark page.
 
 use crate::failure::Failure;
 use crate::measure::figure::{Decades, FINE, fine, shown_at};
 use plotters::prelude::*;
 use plotters::style::RGBColor;
 
-/// Colours after Okabe and Ito, told apart with any kind of colour vision; on light, and on dark ground.
+/// Colours after Okabe and Ito, distinguishable with any colour vision; for light and for dark backgrounds.
 pub const PALETTE: [([u8; 3], &str); 6] = [
     ([0x00, 0x72, 0xb2], "#5db4f0"),
     ([0xd5, 0x5e, 0x00], "#ff8a45"),
@@ -28,16 +28,16 @@ fn colour([r, g, b]: [u8; 3]) -> RGBColor {
     RGBColor(r, g, b)
 }
 
-/// A renderer's error against time.
+/// A renderer's error over time.
 pub struct Curve {
     pub name: String,
-    /// Seconds and errors, above zero, sorted by time.
+    /// (seconds, error), both positive, sorted by time.
     pub points: Vec<(f64, f64)>,
-    /// Place in the list of all curves, which says what it looks like.
+    /// Index among all curves, which determines its style.
     pub look: usize,
 }
 
-/// Dashes and gaps, and the width of the line.
+/// Dash length, gap length and line width.
 fn dashes(look: usize) -> (i32, i32, u32) {
     let (dash, gap, width) =
         [(1, 0, 3), (9, 5, 2), (2, 4, 2), (14, 4, 2), (5, 3, 2)][(look + look / PALETTE.len()) % 5];
@@ -46,7 +46,7 @@ fn dashes(look: usize) -> (i32, i32, u32) {
 
 const RADIUS: i32 = 5 * FINE;
 
-/// Corners of the marker around the origin; nothing for a circle.
+/// Corners of the marker around the origin; empty for a circle.
 fn marker(look: usize) -> Vec<(i32, i32)> {
     let (r, one) = (RADIUS, FINE);
     match look % PALETTE.len() {
@@ -69,7 +69,7 @@ fn marker(look: usize) -> Vec<(i32, i32)> {
 
 const SIZE: (u32, u32) = (540, 430);
 
-/// The plot of these curves, all but empty ones; nothing if there is none. `seconds`: what the horizontal axis counts.
+/// The plot of the non-empty curves; `None` if there are none. `seconds`: label of the horizontal axis.
 pub fn svg(curves: &[Curve], seconds: &str, error: &str) -> Result<Option<String>, Failure> {
     let points = || curves.iter().flat_map(|curve| &curve.points);
     let (Some(x), Some(y)) = (
@@ -109,7 +109,7 @@ fn draw(text: &mut String, curves: &[Curve], [x, y]: [Decades; 2], seconds: &str
         .y_desc(error)
         .draw()
         .map_err(|e| failed(&e))?;
-    // The first lies on top.
+    // The first curve is drawn on top.
     for curve in curves.iter().rev() {
         let colour = colour(PALETTE[curve.look % PALETTE.len()].0);
         let (dash, gap, width) = dashes(curve.look);
@@ -139,7 +139,7 @@ fn draw(text: &mut String, curves: &[Curve], [x, y]: [Decades; 2], seconds: &str
     area.present().map_err(|e| failed(&e))
 }
 
-/// A bit of a curve, for a legend.
+/// A sample of a curve for a legend.
 pub fn swatch(look: usize) -> Result<String, Failure> {
     const SWATCH: (u32, u32) = (46, 18);
     let failed = |error: &dyn std::fmt::Display| Failure::io(format!("plot: {error}"));

@@ -1,4 +1,4 @@
-//! What a benchmark found, and the files that programs read it from.
+//! Results of a benchmark, and the files for programs.
 
 use super::analysis::{Clock, Fit, TARGETS, TimeTo, fit, time_to};
 use super::comparison::{Comparison, Reference};
@@ -15,7 +15,7 @@ use beamfarm_worker::engine::KernelTime;
 use serde::Serialize;
 use std::path::Path;
 
-/// All of it.
+/// All results.
 pub struct Findings {
     pub title: String,
     pub date: Option<String>,
@@ -23,7 +23,7 @@ pub struct Findings {
     pub scenes: Vec<SceneFindings>,
 }
 
-/// One scene.
+/// Results of one scene.
 pub struct SceneFindings {
     pub name: String,
     pub hash: String,
@@ -39,20 +39,20 @@ pub struct RunFindings {
     pub name: String,
     pub settings: Settings,
     pub records: Vec<Record>,
-    /// What kernels of a device take for a pass.
+    /// Time per pass of each of a device's kernels.
     pub kernels: Vec<KernelTime>,
-    /// Some of the images, with their numbers of passes.
+    /// Some of the images, each with its number of passes.
     pub images: Vec<(u64, Film)>,
 }
 
-/// What another renderer reached.
+/// Results of another renderer.
 pub struct PeerFindings {
     pub name: String,
     pub points: Vec<Point>,
     pub image: Option<(Film, Comparison)>,
 }
 
-/// With what a run rendered.
+/// Settings of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Settings {
     pub width: u32,
@@ -62,11 +62,11 @@ pub struct Settings {
     pub schedule: String,
     pub seed: u64,
     pub threads: u16,
-    /// What of this is not as in the scene.
+    /// What differs from the scene's own settings.
     pub overrides: Overrides,
 }
 
-/// A run after some passes. Sums over all of these passes; times without the time that measuring took.
+/// A run after some passes. Counts are sums over these passes; times exclude measuring.
 #[derive(Clone, Debug, Serialize)]
 pub struct Record {
     pub scene: String,
@@ -84,7 +84,7 @@ pub struct Record {
     pub surface_photons: u64,
     pub peak_memory_bytes: Option<u64>,
     pub bytes_per_beam: Option<f64>,
-    /// Of the whole process at its peak.
+    /// Peak of the whole process.
     pub bytes_per_pixel: Option<f64>,
     pub rmse: Option<f64>,
     pub rel_mse: Option<f64>,
@@ -130,15 +130,15 @@ impl Record {
         }
     }
 
-    /// The best number there is for the error, in terms of relMSE: measured, less the reference's noise if that is
-    /// known; the renderer's own estimate where there is no reference.
+    /// The best available estimate of the error as relMSE: measured, minus the reference's noise if known; the
+    /// renderer's own estimate without a reference.
     pub fn error(&self) -> Option<f64> {
         self.net_rel_mse.or(self.rel_mse).or(self.estimated_rel_mse)
     }
 }
 
 impl RunFindings {
-    /// Error against time, where there is an error above zero.
+    /// Error over time, where the error is positive.
     pub fn points(&self) -> Vec<Point> {
         let point = |record: &Record| {
             record.error().map(|rel_mse| Point {
@@ -158,7 +158,7 @@ impl Findings {
         runs.flat_map(|run| &run.records)
     }
 
-    /// One row a record.
+    /// One row per record.
     pub fn write_csv(&self, path: &Path) -> Result<(), Failure> {
         let mut writer = csv::Writer::from_writer(Vec::new());
         for record in self.records() {
@@ -168,7 +168,7 @@ impl Findings {
         Ok(write_file(path, &bytes)?)
     }
 
-    /// Everything but the images.
+    /// Everything except the images.
     pub fn write_json(&self, path: &Path) -> Result<(), Failure> {
         #[derive(Serialize)]
         struct File<'a> {
@@ -191,7 +191,7 @@ impl Findings {
         struct RunEntry<'a> {
             name: &'a str,
             settings: &'a Settings,
-            /// By the wall clock.
+            /// By wall-clock time.
             slope: Option<Fit>,
             times_to: Vec<Time>,
             records: &'a [Record],

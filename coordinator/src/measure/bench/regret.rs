@@ -1,9 +1,9 @@
-//! `beamfarm bench --regret`: how much more error what the program chooses has than the best that it could have chosen.
+//! `beamfarm bench --regret`: how much worse the chosen plan is than the best available plan.
 //!
-//! Every plan that the pilot thought of renders for the same time, twice, with a seed of its own each time. What is
-//! compared is error times time: relMSE against the scene's reference, or, where it has none, against what all plans
-//! found together, each picture of one seed against what those of the other seed say. Uncertainties are by leaving out
-//! blocks of pixels, one by one.
+//! Every plan that the pilot considered renders twice for the same time, with a different seed each time. Plans are
+//! compared by error times time. The error is relMSE against the scene's reference. Without one, each image of one seed
+//! is compared with a combination of all plans' images of the other seed. Uncertainties come from a jackknife over
+//! blocks of pixels.
 
 use super::comparison::Reference;
 use super::overrides::load;
@@ -19,32 +19,32 @@ use beamfarm_worker::say;
 use serde::Serialize;
 use std::path::Path;
 
-/// Pixels along the side of a block that is left out.
+/// Side of a jackknife block in pixels.
 const BLOCK: usize = 8;
-/// Share of the reference's own noise that errors are told above.
+/// Errors below this fraction of the reference's own noise are clamped to it.
 const TOLD: f64 = 0.1;
-/// Rounds in which plans are weighed by how far they are from what all of them found together.
+/// Iterations of weighting plans by their distance from the combined image.
 const ROUNDS: usize = 3;
 
-/// A plan of a scene, and what it did.
+/// A plan of a scene, with its results.
 #[derive(Debug, Serialize)]
 struct Row {
     scene: String,
     plan: String,
     chosen: bool,
-    /// Error times time that the pilot expected, over that of its first plan.
+    /// The pilot's expected error times time, relative to its first plan.
     predicted: f64,
     paths_per_pass: u32,
     passes: u64,
     core_seconds: f64,
-    /// relMSE less the reference's own noise, after that time.
+    /// relMSE after that time, minus the reference's own noise.
     error: f64,
-    /// Error times time over that of the best plan, and the standard error of its logarithm.
+    /// Error times time relative to the best plan, and the standard error of its logarithm.
     ratio: f64,
     uncertainty: f64,
 }
 
-/// Measure all scenes of a suite; write regret.csv.
+/// Measure all scenes of a suite and write regret.csv.
 pub fn main(suite: &Suite, output: &Path, quiet: bool) -> Result<(), Failure> {
     let Some(seconds) = suite.seconds else {
         return Err(Failure::usage(
@@ -90,7 +90,7 @@ fn measure(case: &SceneCase, suite: &Suite, seconds: f64) -> Result<(Vec<Row>, f
     let Some(choice) = choice else {
         return Ok((Vec::new(), pilot_seconds));
     };
-    // What was chosen comes first.
+    // The chosen plan comes first.
     let chosen = choice.candidates[choice.best];
     let mut candidates = vec![chosen];
     let others = Choice::all(&Cpu, &description, question);
@@ -123,7 +123,7 @@ fn measure(case: &SceneCase, suite: &Suite, seconds: f64) -> Result<(Vec<Row>, f
     Ok((rows(&case.name, &candidates, &runs, reference.as_ref()), pilot_seconds))
 }
 
-/// Both at once, each on one thread.
+/// Run both at once, each on one thread.
 fn both(tasks: [Task; 2], size: [u32; 2]) -> Result<[Step; 2], Failure> {
     let last = |task: &Task| -> Result<Step, Failure> {
         let mut last = Err(Failure::job("no pass was rendered"));
@@ -144,13 +144,13 @@ fn rows(scene: &str, candidates: &[Candidate], runs: &[[Step; 2]], reference: Op
         Some(reference) => [0, 1].map(|_| (reference.image.clone(), reference.noise.unwrap_or(0.0))),
         None => [1, 0].map(|seed| together(&runs.iter().map(|run| &run[seed].image).collect::<Vec<_>>(), runs)),
     };
-    // By plan: the sums of its blocks, of both seeds.
+    // Per plan, the error of each block over both seeds.
     let blocks: Vec<Vec<f64>> = runs.iter().map(|run| blocks(run, &truths)).collect();
     let seconds = |run: &[Step; 2]| run.iter().filter_map(|step| step.sample.core_seconds).sum::<f64>() / 2.0;
     let cost = |plan: usize, left_out: Option<usize>| {
         let kept = blocks[plan].iter().enumerate().filter(|(i, _)| Some(*i) != left_out);
         let (sum, count) = kept.fold((0.0, 0), |(sum, count), (_, value)| (sum + value, count + 1));
-        // Errors that the reference is too noisy to tell are not below what it can tell.
+        // A reference cannot resolve errors far below its own noise.
         let least = TOLD * truths[0].1.max(f64::MIN_POSITIVE);
         (sum / f64::from(count.max(1))).max(least) * seconds(&runs[plan])
     };
@@ -179,7 +179,7 @@ fn rows(scene: &str, candidates: &[Candidate], runs: &[[Step; 2]], reference: Op
     candidates.iter().enumerate().map(row).collect()
 }
 
-/// Mean relative square errors of each block of pixels, of both seeds, less the reference's noise.
+/// Mean relative squared error of each block over both seeds, minus the reference's noise.
 fn blocks(run: &[Step; 2], truths: &[(Film, f64); 2]) -> Vec<f64> {
     let (width, height) = (truths[0].0.width as usize, truths[0].0.height as usize);
     let mut blocks = Vec::new();
@@ -215,8 +215,8 @@ fn rel_mse(image: &Film, truth: &Film) -> f64 {
     pixels.map(|pixel| square_error(image, truth, pixel)).sum::<f64>() / image.pixels.len() as f64
 }
 
-/// What all plans found together, and its noise as relMSE. Begins with the median of each pixel, which neither a few
-/// bright drops nor a plan that missed a light decides.
+/// A combination of all plans' images, and its noise as relMSE. Starts from the median of each pixel, which a few
+/// fireflies or a plan that missed a light do not affect.
 fn together(images: &[&Film], runs: &[[Step; 2]]) -> (Film, f64) {
     let mut truth = images[0].clone();
     let values = truth.pixels.len();
@@ -242,7 +242,7 @@ fn together(images: &[&Film], runs: &[[Step; 2]]) -> (Film, f64) {
         }
     }
     let total: f64 = weights.iter().sum();
-    // Half of the difference of two pictures of a plan is its variance.
+    // Half the squared difference of a plan's two images estimates its variance.
     let variance = |run: &[Step; 2]| {
         let of_pixel = |pixel: usize| {
             let of_channel = |channel: usize| {
@@ -262,7 +262,7 @@ fn together(images: &[&Film], runs: &[[Step; 2]]) -> (Film, f64) {
     (truth, noise)
 }
 
-/// What there is to say about a scene.
+/// Summary of a scene.
 fn summary(rows: &[Row], pilot_seconds: f64) -> Option<Vec<String>> {
     let best = rows.iter().find(|row| row.ratio == 1.0)?;
     let chosen = rows.iter().find(|row| row.chosen)?;

@@ -1,4 +1,4 @@
-//! The page: one file, without anything from elsewhere.
+//! The report page: one self-contained file.
 
 use super::analysis::{Clock, fit, power, seconds};
 use super::crops::{self, Row};
@@ -91,7 +91,7 @@ where it is brighter, white where they agree; the colours end at {map_end} %.</p
     )
 }
 
-/// Colours of a dark page, and those that plots have on it.
+/// Colours of the dark page, with replacements for the plots' colours.
 fn dark_style() -> Html {
     let colours = PALETTE.iter().chain([&INK, &GRID, &FAINT_GRID]);
     let rules = colours.map(|(light, dark)| {
@@ -253,7 +253,7 @@ fn view(scene: &SceneFindings) -> Result<SceneView<'_>, Failure> {
     })
 }
 
-/// What was rendered with, and compared with.
+/// What was rendered, and what it was compared with.
 fn about(scene: &SceneFindings) -> Vec<String> {
     let runs = scene.runs.iter().map(|run| {
         let s = &run.settings;

@@ -1,6 +1,6 @@
-//! One run: a scene rendered with one configuration, in a process of its own so that its memory can be told.
+//! One run: a scene rendered with one configuration, in a separate process so that its memory can be measured.
 //!
-//! The parent writes a line of JSON, the [`Task`], and then an empty line whenever the next passes may begin: nothing
+//! The parent writes a line of JSON, the [`Task`], and then an empty line whenever the next passes may start: nothing
 //! else runs while they are timed. The child answers each with a line of JSON, the [`Sample`], and the pixels of the
 //! image.
 
@@ -23,36 +23,36 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::{Arc, mpsc};
 use std::time::Instant;
 
-/// What a child does.
+/// The task of a child process.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Task {
     pub scene: PathBuf,
     pub overrides: Overrides,
     pub integrator: Integrator,
-    /// What a pilot chose, or the scene.
+    /// As chosen by a pilot or given in the scene.
     pub paths_per_pass: u32,
     pub techniques: Techniques,
     pub passes: u64,
-    /// No pass begins after so many of rendering.
+    /// No pass starts after this much rendering time.
     pub seconds: Option<f64>,
 }
 
-/// What renders.
+/// The integrator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Integrator {
-    /// Passes of photon beams, as `render` has them.
+    /// Passes of photon beams, as in `render`.
     #[default]
     Beams,
-    /// Samples of the path tracer, as `reference` has them.
+    /// Samples of the path tracer, as in `reference`.
     Paths,
 }
 
-/// What was measured when so many passes were done. Sums over all of them; times without that of looking at the image.
+/// Measurements after some passes. Counts are sums over these passes; times exclude measuring.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Sample {
     pub passes: u64,
-    /// There is no more.
+    /// Whether this is the last sample.
     pub is_last: bool,
     pub prepare_seconds: f64,
     pub wall_seconds: f64,
@@ -62,13 +62,13 @@ pub struct Sample {
     pub beam_bytes: u64,
     pub beam_evaluations: u64,
     pub surface_photons: u64,
-    /// The most that the process held so far.
+    /// Peak memory of the process so far.
     pub peak_memory_bytes: Option<u64>,
-    /// What `render` shows as the image's error.
+    /// The image's error as shown by `render`.
     pub estimated_relative_error: Option<f64>,
-    /// The same in terms of relMSE: mean of stderr^2 / (x^2 + 0.01).
+    /// The same as relMSE: mean of stderr^2 / (x^2 + 0.01).
     pub estimated_rel_mse: Option<f64>,
-    /// With the last: what kernels of a device take for one more pass.
+    /// In the last sample: time of a device's kernels in one more pass.
     pub kernels: Vec<KernelTime>,
 }
 
@@ -84,7 +84,7 @@ pub fn checkpoints(passes: u64) -> impl Iterator<Item = u64> {
     powers.take_while(move |power| *power < passes).chain([passes])
 }
 
-/// A child at work.
+/// A running child.
 pub struct Run {
     child: Child,
     stdin: ChildStdin,
@@ -94,7 +94,7 @@ pub struct Run {
 }
 
 impl Run {
-    /// Start it. `size`: width and height of the image that it will make.
+    /// Start a child. `size`: width and height of its image in pixels.
     pub fn start(task: &Task, size: [u32; 2]) -> Result<Self, Failure> {
         let broken = |error: io::Error| Failure::io(format!("cannot start a run: {error}"));
         let program = std::env::current_exe().map_err(broken)?;
@@ -137,7 +137,7 @@ impl Run {
 impl Iterator for Run {
     type Item = Result<Step, Failure>;
 
-    /// Render on to the next checkpoint.
+    /// Render up to the next checkpoint.
     fn next(&mut self) -> Option<Self::Item> {
         self.left.next()?;
         let step = self.step();
@@ -148,7 +148,7 @@ impl Iterator for Run {
             self.left = Vec::new().into_iter();
             let _ = self.child.kill();
             match self.child.wait() {
-                // It has said what was wrong.
+                // The child has printed what was wrong.
                 Ok(status) if status.code() == Some(exit::FAILED.into()) => Failure::job("the run failed"),
                 Ok(status) => Failure::job(format!("the run broke off: {status}")),
                 Err(_) => Failure::io(error),
@@ -159,7 +159,7 @@ impl Iterator for Run {
 
 impl Drop for Run {
     fn drop(&mut self) {
-        // It has nothing left to say.
+        // The child has nothing left to report.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -168,7 +168,7 @@ impl Drop for Run {
 /// Name of the hidden subcommand.
 pub const CHILD: &str = "bench-run";
 
-/// The child.
+/// The child's main function.
 pub fn child() -> Result<(), Failure> {
     let (lines, orders) = mpsc::channel();
     std::thread::spawn(move || {
@@ -183,7 +183,7 @@ pub fn child() -> Result<(), Failure> {
     let gone = |_| Failure::io("the parent is gone");
     let task: Task = serde_json::from_str(&orders.recv().map_err(gone)?).map_err(Failure::usage)?;
     let begun = Instant::now();
-    // Zero threads stand for one per core.
+    // Zero threads mean one per core.
     let threads = task.overrides.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(Failure::io)?;
@@ -280,7 +280,7 @@ pub fn child() -> Result<(), Failure> {
             break;
         }
     }
-    // The parent ends this process when it has read the last image.
+    // The parent ends this process after reading the last image.
     let _ = orders.recv();
     Ok(())
 }
@@ -299,7 +299,7 @@ fn estimated_rel_mse(average: &Average) -> f64 {
     super::comparison::relative_noise(&average.beauty, &average.standard_error)
 }
 
-/// CPU time of this process and all its threads.
+/// CPU time of this process over all its threads.
 #[cfg(unix)]
 pub fn cpu_seconds() -> Option<f64> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
@@ -311,7 +311,7 @@ pub fn cpu_seconds() -> Option<f64> {
     None
 }
 
-/// The most memory that this process had in use. Not from getrusage, which on Linux begins with what the parent had.
+/// Peak memory of this process. Not from getrusage, which on Linux starts at the parent's peak.
 fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -1,4 +1,4 @@
-//! What is to be measured: from a TOML file, or from the command line.
+//! What to measure: from a TOML file or the command line.
 
 use super::overrides::Overrides;
 use super::run::Integrator;
@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Scenes, each with a reference and with what other renderers reach, and the configurations that render them.
+/// Scenes, each with a reference and other renderers' results, and the configurations that render them.
 #[derive(Clone, Debug)]
 pub struct Suite {
     pub title: String,
     pub scenes: Vec<SceneCase>,
     pub runs: Vec<RunCase>,
-    /// Seconds after which runs end, and at which errors are told.
+    /// Seconds after which runs end, and at which errors are reported.
     pub seconds: Option<f64>,
 }
 
@@ -24,7 +24,7 @@ pub struct SceneCase {
     pub name: String,
     pub path: PathBuf,
     pub reference: Option<PathBuf>,
-    /// relMSE of the reference's own noise, when the file itself does not say it.
+    /// relMSE of the reference's own noise, if its file does not contain it.
     pub reference_noise: Option<f64>,
     pub passes: Option<u64>,
     /// Left and top pixels of the crops to show.
@@ -40,7 +40,7 @@ pub struct Peer {
     pub image: Option<PeerImage>,
 }
 
-/// An error that was reached in so much time.
+/// An error reached in a given time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
     pub wall_seconds: f64,
@@ -48,7 +48,7 @@ pub struct Point {
     pub rel_mse: f64,
 }
 
-/// A picture, whose error is measured here.
+/// An image whose error is measured here.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PeerImage {
     pub path: PathBuf,
@@ -60,7 +60,7 @@ pub struct PeerImage {
 #[derive(Clone, Debug)]
 pub struct RunCase {
     pub name: String,
-    /// Names of the scenes that it renders; all when there are none.
+    /// Names of the scenes that it renders; all if empty.
     pub scenes: Vec<String>,
     pub passes: Option<u64>,
     pub integrator: Integrator,
@@ -73,7 +73,7 @@ impl RunCase {
     }
 }
 
-/// What a scene's run is measured against.
+/// What a scene's run is compared with.
 #[derive(Clone, Debug)]
 pub enum Against {
     /// Another renderer.
@@ -82,8 +82,7 @@ pub enum Against {
     Engine(EngineKind),
 }
 
-/// `--against`: an engine, or NAME=OTHER.exr,seconds[,core-seconds], or without the name, which is then that of the
-/// file.
+/// `--against`: an engine, or NAME=OTHER.exr,seconds[,core-seconds]. Without NAME the file's name is used.
 pub fn against(text: &str) -> Result<Against, String> {
     match text.parse() {
         Ok(engine) => Ok(Against::Engine(engine)),
@@ -95,7 +94,7 @@ fn peer(text: &str) -> Result<Peer, String> {
     const EXPECTED: &str = "expected cpu, gpu or [NAME=]OTHER.exr,SECONDS[,CORE-SECONDS]";
     let mut fields: Vec<&str> = text.split(',').collect();
     let mut times = Vec::new();
-    // From the right, as the names of files may have commas.
+    // From the right, as file names may contain commas.
     while let (true, Some(Ok(time))) = (
         fields.len() > 1 && times.len() < 2,
         fields.last().map(|field| field.trim().parse::<f64>()),
@@ -181,11 +180,11 @@ struct RunEntry {
     overrides: Overrides,
 }
 
-/// Of a suite's file.
+/// The largest suite file, in bytes.
 const MOST_BYTES: u64 = 16 << 20;
 
 impl Suite {
-    /// Read a file. What it names lies relative to it.
+    /// Read a suite file. Paths in it are relative to it.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         let failure = |message: String| Failure::usage(format!("{}: {message}", path.display()));
         let bytes = input::read_given(path, MOST_BYTES).map_err(|error| failure(error.to_string()))?;
@@ -237,7 +236,7 @@ impl Suite {
         Ok(suite)
     }
 
-    /// From the command line: the scenes, and their references in the same order or none.
+    /// A suite from the command line: scenes, and references in the same order or none.
     pub fn plain(
         scenes: &[PathBuf],
         references: &[PathBuf],
@@ -273,7 +272,7 @@ impl Suite {
         Ok(suite)
     }
 
-    /// Have these engines render all scenes, one after the other.
+    /// Have each of these engines render all scenes.
     pub fn by_engines(&mut self, engines: &[EngineKind]) {
         let run = |engine: &EngineKind| RunCase {
             name: engine.to_string(),
@@ -286,7 +285,7 @@ impl Suite {
         self.runs = engines.iter().map(run).collect();
     }
 
-    /// Put passes, seconds and settings from the command line in place of its own.
+    /// Override passes, seconds and settings from the command line.
     pub fn set(&mut self, passes: Option<u64>, seconds: Option<f64>, overrides: &Overrides) {
         self.seconds = seconds.or(self.seconds);
         for run in &mut self.runs {
@@ -500,7 +499,7 @@ mod tests {
         assert_eq!(run.overrides.paths, Some(7));
     }
 
-    /// The one that comes with the program.
+    /// The suite that comes with the program.
     #[test]
     fn the_peers_suite_is_sound() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/peers");

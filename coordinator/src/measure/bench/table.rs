@@ -1,4 +1,4 @@
-//! The tables of a report, on a page and in a terminal.
+//! Tables of a report, for the page and the terminal.
 
 use super::analysis::{Clock, TARGETS, digits, error_at, fit, power, time_to, times_faster};
 use super::record::{Record, RunFindings, SceneFindings};
@@ -7,7 +7,7 @@ use crate::measure::figure::superscript;
 use beamfarm_worker::engine::KernelTime;
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 
-/// Text in rows; the first column says what a row is about.
+/// Rows of text; the first column names the row.
 pub struct Table {
     pub title: String,
     pub head: Vec<String>,
@@ -15,7 +15,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// For a terminal.
+    /// The table as plain text.
     pub fn plain(&self) -> String {
         let mut table = comfy_table::Table::new();
         table.load_style(UTF8_FULL_CONDENSED);
@@ -24,14 +24,14 @@ impl Table {
     }
 }
 
-/// All that has an error against time: the runs, then the others.
+/// Every curve of error over time: the runs, then the other renderers.
 pub fn curves(scene: &SceneFindings) -> Vec<(String, Vec<Point>)> {
     let runs = scene.runs.iter().map(|run| (run.name.clone(), run.points()));
     let peers = scene.peers.iter().map(|peer| (peer.name.clone(), peer.points.clone()));
     runs.chain(peers).collect()
 }
 
-/// Times to come down to the errors of [`TARGETS`].
+/// Times to reach the errors in [`TARGETS`].
 pub fn times(scene: &SceneFindings, clock: Clock) -> Table {
     let mut head = vec!["renderer".to_owned()];
     head.extend(TARGETS.map(target_name));
@@ -55,7 +55,7 @@ pub fn times(scene: &SceneFindings, clock: Clock) -> Table {
     }
 }
 
-/// What each kernel of a device takes for a pass.
+/// Time per pass of each of a device's kernels.
 pub fn kernels(run: &RunFindings) -> Table {
     let all: f64 = run.kernels.iter().map(|kernel| kernel.seconds).sum();
     let row = |kernel: &KernelTime| {
@@ -73,8 +73,8 @@ pub fn kernels(run: &RunFindings) -> Table {
     }
 }
 
-/// How many times sooner each run is there than each other renderer whose time on this clock is known, and than runs of
-/// another engine.
+/// How many times sooner each run reaches an error than other renderers and than runs of another engine, as far as
+/// their times on this clock are known.
 pub fn ratios(scene: &SceneFindings, clock: Clock) -> Table {
     let mut head = vec!["run".to_owned(), "against".to_owned()];
     head.extend(TARGETS.map(target_name));
@@ -103,7 +103,7 @@ pub fn ratios(scene: &SceneFindings, clock: Clock) -> Table {
     }
 }
 
-/// Errors of all scenes at a time, a column for each renderer that is there for any of them.
+/// Errors of all scenes at a given time, one column per renderer.
 pub fn errors_at(scenes: &[SceneFindings], seconds: f64) -> Table {
     let mut names: Vec<String> = Vec::new();
     for (name, _) in scenes.iter().flat_map(curves) {
@@ -131,7 +131,7 @@ fn target_name(target: f64) -> String {
     format!("relMSE 10{}", superscript(&format!("{:.0}", libm::log10(target))))
 }
 
-/// Every record.
+/// All records.
 pub fn records(scene: &SceneFindings) -> Table {
     let percent = |value: f64| format!("{} %", digits(100.0 * value).replace('-', "\u{2212}"));
     let mut head = vec!["renderer".to_owned()];
@@ -160,7 +160,7 @@ pub fn records(scene: &SceneFindings) -> Table {
     });
     add("estimated relMSE", &|r| r.estimated_rel_mse.map(power));
     add("estimated error", &|r| r.estimated_relative_error.map(percent));
-    // The images of others, as far as they are known.
+    // Other renderers' images, as far as known.
     for peer in &scene.peers {
         let Some((_, found)) = &peer.image else {
             continue;
@@ -193,7 +193,7 @@ pub fn records(scene: &SceneFindings) -> Table {
     }
 }
 
-/// What the runs held at the most.
+/// Peak memory of the runs.
 pub fn memory(scene: &SceneFindings) -> Table {
     let head = [
         "renderer",
@@ -228,7 +228,7 @@ fn megabytes(bytes: f64) -> String {
     format!("{} MB", digits(1e-6 * bytes))
 }
 
-/// A whole number, plain where that is short.
+/// An integer, without an exponent if that is short.
 fn count(n: u64) -> String {
     match n {
         0..1_000_000 => n.to_string(),

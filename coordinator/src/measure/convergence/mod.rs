@@ -1,4 +1,4 @@
-//! `beamfarm convergence`: one pixel over and over, beside the theory of convergence.
+//! `beamfarm convergence`: one pixel rendered many times, compared with the theory of convergence.
 
 mod plot;
 
@@ -90,10 +90,10 @@ fn pixel(text: &str) -> Result<[u32; 2], String> {
     parse().ok_or_else(|| "expected X,Y".to_owned())
 }
 
-/// Values that a study may hold in memory.
+/// The most values of a study in memory.
 const MAX_VALUES: u64 = 1 << 28;
 
-/// What was measured under one alpha, and what was expected, by pass.
+/// Measured and expected values for one alpha, by pass.
 struct Curves {
     alpha: f64,
     scales: Vec<f64>,
@@ -187,7 +187,7 @@ pub fn main(args: ConvergenceArgs) -> Result<(), Failure> {
     write(&args.output.join("convergence.svg"), &svg)
 }
 
-/// So many passes of so many runs by a device: those of a run as many at once as it renders together.
+/// `passes` passes of each of `runs` runs on a device. Passes of a run are batched as the device prefers.
 fn on_device(
     engines: &Engines,
     description: &SceneDescription,
@@ -223,7 +223,7 @@ fn csv(results: &[Curves], theory: &Theory) -> String {
     for result in results {
         for (i, expected) in result.theory.iter().enumerate() {
             let (pass, average) = (result.passes[i], result.averages[i]);
-            // Writing to a string does not fail.
+            // Writing into a string cannot fail.
             let _ = writeln!(
                 csv,
                 "{},{},{:.9e},{:.6e},{:.6e},{:.6e},{:.6e},{:.6e},{:.6e},{:.6e},{:.6e}",
@@ -244,7 +244,7 @@ fn csv(results: &[Curves], theory: &Theory) -> String {
     csv
 }
 
-/// The averages of 1, 4, 16, … passes and of all, measured over theory.
+/// Averages after 1, 4, 16, … passes and after all, measured relative to theory.
 fn table(results: &[Curves], theory: &Theory, runs: u64) -> String {
     let mut table = String::from(
         "| alpha | passes | variance of the average over theory | bias of the average, % | theory, % |\n\
@@ -261,7 +261,7 @@ fn table(results: &[Curves], theory: &Theory, runs: u64) -> String {
                 "| {} | {passes} | {:.3} ± {:.3} | {:+.3} ± {:.3} | {:+.3} |",
                 result.alpha,
                 found.variance / expected.average_variance,
-                // Of normal values.
+                // For normally distributed values.
                 (2.0 / (runs - 1) as f64).sqrt(),
                 percent * (found.mean - theory.truth),
                 percent.abs() * (found.variance / runs as f64).sqrt(),

@@ -1,4 +1,4 @@
-//! The figure: three panels over the number of passes.
+//! The figure: three panels with the number of passes as horizontal axis.
 
 use super::Curves;
 use crate::measure::figure::{Decades, FINE, fine, shown_at};
@@ -7,9 +7,9 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 
 const SIZE: (u32, u32) = (1200, 420);
-/// From dot to dot: a twelfth of a decade.
+/// Ratio between plotted points: a twelfth of a decade.
 const STEP: f64 = 1.211_527_658_628_588_4;
-/// Okabe and Ito 2008: told apart by those who see few colours, too.
+/// Okabe and Ito 2008: distinguishable with impaired colour vision.
 const COLOURS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -19,7 +19,7 @@ const COLOURS: [RGBColor; 6] = [
     RGBColor(86, 180, 233),
 ];
 
-/// Measured and expected, by pass.
+/// Measured and expected values, by pass.
 type Curve = Vec<(f64, f64)>;
 
 /// The figure as SVG.
@@ -32,7 +32,7 @@ pub fn figure(results: &[Curves], theory: &Theory) -> Result<String, String> {
         let limit = theory.truth;
         let square = limit * limit;
         type Pick<'a> = &'a dyn Fn(&Curves, usize) -> (f64, f64);
-        // The legend is where no curve begins or ends.
+        // Place the legend where no curve starts or ends.
         let [upper, lower] = [SeriesLabelPosition::UpperLeft, SeriesLabelPosition::LowerLeft];
         let of: [(&str, SeriesLabelPosition, Pick); 3] = [
             ("variance of a pass, relative", upper, &|r, i| {
@@ -68,7 +68,7 @@ fn draw<'a>(
 ) -> Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>> {
     let values = || curves.iter().flat_map(|(_, curve)| curve);
     let expected = || values().map(|v| v.1).filter(|v| *v > 0.0);
-    // From theory: a bias that is lost in noise would stretch the panel without end.
+    // From theory: a bias lost in noise would stretch the panel arbitrarily.
     let low = expected().fold(f64::INFINITY, f64::min).max(1e-12) / 3.0;
     let high = expected().fold(low, f64::max) * 3.0;
     let passes = curves.iter().map(|(_, c)| c.len()).max().unwrap_or(1);
@@ -120,7 +120,7 @@ fn draw<'a>(
         .draw()
 }
 
-/// Numbers of passes, spread evenly over a logarithmic axis, from zero.
+/// Indices of passes, spread evenly on a logarithmic axis, from zero.
 fn thinned(count: usize) -> Vec<usize> {
     let mut thin: Vec<usize> = Vec::new();
     let mut at = 1.0;

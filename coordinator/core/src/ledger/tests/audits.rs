@@ -1,4 +1,4 @@
-//! Workers that compute other bits.
+//! Workers that compute wrong bits.
 
 use super::*;
 use beamfarm_proto::{Device, Grant, Identity};
@@ -24,7 +24,7 @@ fn accept(
     ledger.accept(worker, lease, block, hash, at(0))
 }
 
-/// A block by the first worker is checked by the second, whose result differs, and then by the third.
+/// The first worker's block is checked by the second, whose result differs, and then by the third.
 fn disputed(first: PixelHash, second: PixelHash) -> (Ledger, [WorkerId; 3], (LeaseId, Block)) {
     let mut ledger = Ledger::new(AUDITS, 0);
     let workers = ["a", "b", "c"].map(|name| join(&mut ledger, name));
@@ -50,7 +50,7 @@ fn a_worker_does_not_check_itself() {
         assert_eq!(leased.1, Block::leaf(pass));
         accept(&mut ledger, worker, leased, pixels(leased.1)).unwrap();
     }
-    // Alone it may end.
+    // With one worker the job may end.
     assert!(ledger.is_over(at(0)));
     assert_eq!(ledger.audits_pending(), (4, 0));
     let mut ledger = Ledger::new(AUDITS, 0);
@@ -72,8 +72,8 @@ fn a_worker_does_not_check_itself() {
     assert_eq!((views[0].passes, views[0].audits_passed), (4, 4));
 }
 
-/// Who works for another job of the same coordinator may be called to check what somebody did here alone, and is waited
-/// for as a newcomer is.
+/// A worker of another job of the coordinator may be called to check the blocks of a lone worker, and is waited for as
+/// a newcomer is.
 #[test]
 fn workers_of_other_jobs_are_waited_for() {
     let crew = Arc::new(Crew::default());
@@ -96,7 +96,7 @@ fn workers_of_other_jobs_are_waited_for() {
         }
         ledger
     };
-    // Itself is no judge.
+    // The worker itself is no judge.
     crew.seen(key("alone"));
     assert!(done().is_over(at(0)));
     crew.seen(key("other"));
@@ -112,7 +112,7 @@ fn workers_of_other_jobs_are_waited_for() {
         );
     }
     assert!(ledger.is_over(at(1)));
-    // Or has left; or it has lied elsewhere.
+    // Or it has left, or lied elsewhere.
     crew.left(key("other"));
     assert!(done().is_over(at(0)));
     crew.seen(key("liar"));
@@ -124,7 +124,7 @@ fn workers_of_other_jobs_are_waited_for() {
     assert!(ledger.is_over(at(1)));
 }
 
-/// Two of the three that are honest could not render the block when it was only to be checked.
+/// Two of the three honest workers failed to render the block when it was only to be checked.
 #[test]
 fn who_failed_to_check_may_still_decide() {
     let mut ledger = Ledger::new(AUDITS, 0);
@@ -136,7 +136,7 @@ fn who_failed_to_check_may_still_decide() {
         let (lease, block) = lease(&mut ledger, worker);
         assert_eq!(block, leased.1);
         ledger.fail(worker, lease, 0, "no memory", at(0)).unwrap();
-        // Not again, as long as nobody disagrees.
+        // Not again, unless others disagree.
         assert_ne!(self::lease(&mut ledger, worker).1, block);
     }
     let right = pixels(leased.1);
@@ -163,7 +163,7 @@ fn an_auditor_that_leaves_does_not_hold_the_job_up() {
     assert!(ledger.is_over(at(0)));
 }
 
-/// Whatever its heartbeats say: what it takes long for is for others as well, for each once.
+/// Whatever its heartbeats say: a block that it is late with goes to others as well, once to each.
 #[test]
 fn an_auditor_that_does_not_get_on_does_not_hold_the_job_up() {
     let mut ledger = Ledger::new(Rules { passes: 1, ..AUDITS }, 0);
@@ -189,7 +189,7 @@ fn an_auditor_that_does_not_get_on_does_not_hold_the_job_up() {
     let vote = ledger.accept(honest, lease, block, pixels(block), at(10));
     assert_eq!(vote, Ok(Accepted::Confirmed));
     assert!(ledger.is_over(at(10)));
-    // What comes late confirms it, and nobody holds it any more.
+    // The late result confirms the block, and nobody holds it any more.
     let (keeper, lease) = kept[0];
     let late = ledger.accept(keeper, lease, block, pixels(block), at(11));
     assert_eq!(late, Ok(Accepted::Duplicate));
@@ -200,7 +200,7 @@ fn an_auditor_that_does_not_get_on_does_not_hold_the_job_up() {
 fn a_third_worker_decides_against_the_first() {
     let good = pixels(Block::leaf(0));
     let (mut ledger, [a, b, c], check) = disputed([9; 32], good);
-    // What the liar did beside goes as well.
+    // The liar's other blocks go as well.
     assert_eq!(accept(&mut ledger, c, check, good), Ok(Accepted::Confirmed));
     assert_eq!(ledger.take_notes(), [Note::ShutOut(a, Sentence::WrongPixels)]);
     assert_eq!(ledger.stained(), [Block::leaf(0)]);
@@ -211,7 +211,7 @@ fn a_third_worker_decides_against_the_first() {
     assert_eq!(lease(&mut ledger, b).1, Block::leaf(0));
     let shut_out = Err(LedgerError::ShutOut(a, Sentence::WrongPixels));
     assert_eq!(ledger.lease(a, at(0)), shut_out);
-    // It does not come back under its name.
+    // It cannot come back under its name.
     assert_eq!(ledger.register("a", 1, Some(CANARY), None, at(0)), Err(Sentence::Key));
 }
 
@@ -302,7 +302,7 @@ fn the_share_of_audits_is_what_was_asked_for() {
         0,
     );
     let drawn = (0..64_000).filter(|i| ledger.is_drawn(Block::leaf(*i))).count();
-    // Binomial: 1000, standard deviation 31.4; four of them.
+    // Binomial: mean 1000, standard deviation 31.4; within four of them.
     assert!((875..1125).contains(&drawn), "{drawn}");
     let other = Ledger::new(
         Rules {
@@ -319,7 +319,7 @@ fn the_share_of_audits_is_what_was_asked_for() {
     assert!(!(0..1000).any(|i| Ledger::new(RULES, 0).is_drawn(Block::leaf(i))));
 }
 
-/// However few are drawn: two blocks of each, and none of them by itself.
+/// However few are drawn: two blocks of each worker, none of them by the worker itself.
 #[test]
 fn first_blocks_are_checked() {
     let rules = Rules {
@@ -333,7 +333,7 @@ fn first_blocks_are_checked() {
         for i in 0..3 {
             let mut leased = lease(&mut ledger, worker);
             while ledger.is_to_be_checked(leased.1) {
-                // Of the worker before.
+                // From the worker before.
                 assert_eq!(
                     accept(&mut ledger, worker, leased, pixels(leased.1)),
                     Ok(Accepted::Confirmed)
@@ -352,8 +352,7 @@ fn first_blocks_are_checked() {
     assert!(!ledger.is_to_be_checked(leased.1));
 }
 
-/// A worker that lies from its first pass on, beside two that do not, leaves nothing behind, however the three take
-/// turns.
+/// A worker that lies from its first pass on leaves nothing behind next to two honest ones, in any order of turns.
 #[test]
 fn liars_leave_nothing_behind_in_short_jobs() {
     for order in 0..27 {
@@ -411,13 +410,13 @@ fn devices_are_checked_by_those_of_other_makers() {
     });
     let first = lease(&mut ledger, a);
     accept(&mut ledger, a, first, pixels(first.1)).unwrap();
-    // It is left to the card of another kind, and goes on with the job.
+    // It is left to the other kind of card, and this one continues with the job.
     assert_eq!(lease(&mut ledger, same).1, Block::leaf(1));
     let maker = with_device(&mut ledger, "maker", ["llvmpipe", "Mesa 25"]);
     assert_eq!(lease(&mut ledger, other).1, Block::leaf(2));
     assert_eq!(lease(&mut ledger, maker).1, first.1);
 
-    // Who is not there, or does not come for it, is not waited for.
+    // A worker that is absent, or does not fetch the block, is not waited for.
     let mut ledger = Ledger::new(AUDITS, 0);
     let a = with_device(&mut ledger, "a", KINDS[0]);
     let same = with_device(&mut ledger, "same", KINDS[1]);
@@ -430,7 +429,7 @@ fn devices_are_checked_by_those_of_other_makers() {
     accept(&mut ledger, same, own, pixels(own.1)).unwrap();
     ledger.beat(maker, [], later).unwrap();
     assert!(matches!(ledger.lease(same, later), Ok(Grant::Lease(_, block)) if block == first.1));
-    // A dispute is for whoever comes first.
+    // A dispute goes to whoever comes first.
     let mut ledger = Ledger::new(AUDITS, 0);
     let a = with_device(&mut ledger, "a", KINDS[0]);
     let maker = with_device(&mut ledger, "maker", ["llvmpipe", "Mesa 25"]);
@@ -464,7 +463,7 @@ fn where_nothing_is_checked_no_test_picture_is_needed() {
 fn test_pictures_of_proven_workers_count() {
     let mut ledger = Ledger::new(AUDITS, 0);
     let add = |ledger: &mut Ledger, name: &str, canary: u8| ledger.register(name, 1, Some([canary; 32]), None, at(0));
-    // Nobody knows yet whose is right.
+    // Nobody knows yet who is right.
     let odd = add(&mut ledger, "odd", 1).unwrap();
     let (a, b) = (add(&mut ledger, "a", 2).unwrap(), add(&mut ledger, "b", 2).unwrap());
     let wrong = lease(&mut ledger, odd);
@@ -476,7 +475,7 @@ fn test_pictures_of_proven_workers_count() {
     let shut_out = LedgerError::ShutOut(odd, Sentence::Canary);
     assert_eq!(ledger.lease(odd, at(0)), Err(shut_out));
     assert_eq!(accept(&mut ledger, odd, wrong, [7; 32]), Err(shut_out));
-    // However many come with another one: they have no vote.
+    // Any number of workers with another picture: they have no vote.
     for name in ["c", "d", "e", "f"] {
         assert_eq!(add(&mut ledger, name, 1), Err(Sentence::Canary));
     }

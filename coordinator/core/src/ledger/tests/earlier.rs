@@ -1,4 +1,4 @@
-//! What an earlier life of the job accepted and lost.
+//! Blocks that an earlier run of the job accepted and lost.
 
 use super::*;
 use beamfarm_proto::Grant;
@@ -23,7 +23,7 @@ fn block(level: u32, index: u64) -> Block {
     Block { level, index }
 }
 
-/// A job of 64 passes of which the first 16 are there.
+/// A job of 64 passes of which the first 16 are done.
 fn resumed() -> Ledger {
     let rules = Rules { passes: 64, ..RULES };
     let mut ledger = Ledger::new(rules, 0);
@@ -35,8 +35,8 @@ fn resumed() -> Ledger {
 #[test]
 fn lost_blocks_are_leased_as_they_were() {
     let mut ledger = resumed();
-    // The first two would have other sizes otherwise; the third is none that is ever leased, the fourth overlaps, the
-    // last is there.
+    // The first two would have other sizes otherwise; the third is a size that is never leased, the fourth overlaps,
+    // the last is done.
     for lost in [block(2, 4), block(1, 11), block(5, 1), block(0, 17), block(4, 0)] {
         ledger.expect(lost, &Who::from("before"), pixels(lost));
     }
@@ -53,7 +53,7 @@ fn lost_blocks_are_leased_as_they_were() {
     assert!(ledger.earlier.is_empty());
 }
 
-/// A lost block is rendered with other pixels than before; what follows, and who is to judge it.
+/// A lost block is rendered with different pixels. Returns the ledger, its worker and the block.
 fn differs() -> (Ledger, WorkerId, Block) {
     let mut ledger = resumed();
     let lost = block(1, 8);
@@ -83,7 +83,7 @@ fn who_was_convicted_before_stays_out() {
 #[test]
 fn other_pixels_than_before_are_judged_by_others() {
     let (mut ledger, a, lost) = differs();
-    // Neither those who differ nor who has the name of one of them.
+    // Neither those who differ nor the one that shares a name with one of them.
     assert_ne!(lease(&mut ledger, a).1, lost);
     let namesake = join(&mut ledger, "before");
     let other = lease(&mut ledger, namesake);
@@ -103,7 +103,7 @@ fn other_pixels_than_before_are_judged_by_others() {
             Note::ShutOut(namesake, Sentence::Key)
         ]
     );
-    // What it did before goes, and what it did since.
+    // Its blocks from before and after go.
     assert_eq!(ledger.stained(), [block(4, 0), other.1]);
     assert_eq!(
         ledger.register("before", 1, Some(CANARY), None, at(0)),

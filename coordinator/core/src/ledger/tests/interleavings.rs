@@ -4,7 +4,7 @@ use super::*;
 use beamfarm_proto::Grant;
 use proptest::prelude::*;
 
-/// What can happen to a farm.
+/// Events at a farm.
 #[derive(Clone, Debug)]
 enum Event {
     Lease(usize),
@@ -41,7 +41,7 @@ fn event() -> impl Strategy<Value = Event> {
     ]
 }
 
-/// What the tree sum does: siblings become one and cannot be taken apart.
+/// Mirrors the tree sum: siblings merge and cannot be separated.
 #[derive(Default)]
 struct Sum {
     nodes: BTreeMap<Block, Vec<(Block, PixelHash)>>,
@@ -186,7 +186,7 @@ impl Farm {
         self.check();
     }
 
-    /// Every pass is open, leased or done, and only done twice over: leased to several.
+    /// Every pass is exactly one of open, leased and done; several workers may lease the same one.
     fn check(&self) {
         let ledger = &self.ledger;
         let mut times = BTreeMap::<u64, [u32; 3]>::new();
@@ -214,7 +214,7 @@ impl Farm {
         assert_eq!(of_workers, counted);
         let gap = (self.first..).find(|pass| times.get(pass).is_none_or(|t| t[2] == 0));
         assert_eq!(Some(ledger.prefix()), gap);
-        // The sum is what the ledger says, whatever was taken back.
+        // The sum matches the ledger, whatever was taken back.
         let mut summed: Vec<_> = self.sum.content().copied().collect();
         summed.sort();
         let mut entered: Vec<_> = ledger
@@ -226,7 +226,7 @@ impl Farm {
         assert_eq!(summed, entered);
     }
 
-    /// Those that are honest do what is left.
+    /// The honest workers do what is left.
     fn finish(&mut self) {
         self.now += self.ledger.rules.lease;
         self.ledger.set_intake(0.0);
@@ -266,7 +266,7 @@ fn patient(passes: u64, audit_every: u64) -> Rules {
     }
 }
 
-/// As elsewhere in the tests: `BEAMFARM_LONG=1`.
+/// Long tests, as elsewhere: `BEAMFARM_LONG=1`.
 fn is_long() -> bool {
     std::env::var("BEAMFARM_LONG").is_ok_and(|value| !value.is_empty() && value != "0")
 }
@@ -288,7 +288,7 @@ proptest! {
     ) {
         let rules = Rules { first_pass, ..patient(first_pass + passes, audit_every) };
         let mut farm = Farm::new(rules, 0);
-        // An earlier life of the job had these, with these pixels or others.
+        // An earlier run of the job had these, with the same or different pixels.
         for (pass, level, right) in lost {
             let block = Block { level, index: pass >> level };
             let hash = if right { pixels(block) } else { [9; 32] };
@@ -302,7 +302,7 @@ proptest! {
         prop_assert!(farm.sum.content().all(honest));
     }
 
-    /// Liars whose every block is checked leave nothing behind, whatever happens.
+    /// Liars whose blocks are all checked leave nothing behind, whatever happens.
     #[test]
     fn liars_are_found(
         passes in 1..100u64,
@@ -322,7 +322,7 @@ proptest! {
         }
     }
 
-    /// A pass that fails for good ends the job before it, however the others arrive.
+    /// A pass that fails for good ends the job before it, in whatever order the others arrive.
     #[test]
     fn a_failed_pass_leaves_the_prefix_before_it(
         passes in 1..60u64,

@@ -28,7 +28,7 @@ fn at(seconds: u64) -> Duration {
     Duration::from_secs(seconds)
 }
 
-/// The pixels of a block, as every honest worker renders them.
+/// A block's pixels as every honest worker renders them.
 fn pixels(block: Block) -> PixelHash {
     let numbers = [block.start().to_le_bytes(), block.len().to_le_bytes()];
     *blake3::hash(&numbers.concat()).as_bytes()
@@ -111,7 +111,7 @@ fn who_hangs_up_is_gone_unless_a_stream_of_its_is_open() {
     assert!(ledger.has_company());
     assert_eq!(ledger.detach(there), 1);
     assert!(!ledger.has_company());
-    // It comes by another connection.
+    // It comes over another connection.
     ledger.attend(early, at(1)).unwrap();
     assert!(ledger.has_company());
 }
@@ -125,7 +125,7 @@ fn late_results_count_and_later_ones_are_duplicates() {
     let new = granted(&mut ledger, quick, 30);
     assert_eq!(old.1, new.1);
     assert_eq!(deliver(&mut ledger, slow, old), Ok(Accepted::New));
-    // The second lease is over: its end puts nothing back.
+    // The second lease is over: its end reopens nothing.
     assert_eq!(ledger.lost(quick), 0);
     assert_eq!(granted(&mut ledger, quick, 31).1, 1);
     assert_eq!(deliver(&mut ledger, quick, new), Ok(Accepted::Confirmed));
@@ -166,7 +166,7 @@ fn a_pass_that_keeps_failing_ends_the_job_before_it() {
     for attempt in 1..=3 {
         assert_eq!(one.1, 1);
         assert!(ledger.failed().is_none());
-        // Said twice, as when the reply got lost, it counts once.
+        // Reported twice, as when the reply got lost, it counts once.
         for _ in 0..2 {
             let message = "2 pixels are NaN";
             ledger.fail(worker, one.0, 1, message, at(0)).unwrap();

@@ -14,8 +14,8 @@ fn rules(passes: u64) -> Rules {
     Rules { passes, ..RULES }
 }
 
-/// A ledger in which the passes before `first` are done, each in one second by a worker that is there, and taking in
-/// takes as long.
+/// A ledger in which the passes before `first` are done, each in one second by a present worker, and taking in a block
+/// takes a second too.
 fn busy(first: u64, passes: u64) -> (Ledger, WorkerId) {
     let mut ledger = Ledger::new(rules(passes), 0);
     let worker = join(&mut ledger, "busy");
@@ -62,7 +62,7 @@ fn a_block_in_which_a_pass_fails_is_taken_apart() {
     let (lease, block) = block_of(ledger.lease(bad, now));
     assert_eq!(block, Block { level: 4, index: 4 });
     ledger.fail(bad, lease, 69, "NaN", now).unwrap();
-    // Each gets all but the bad pass, and only who has not failed gets that.
+    // Each gets all passes but the bad one; only a worker that has not failed gets that.
     let next = |ledger: &mut Ledger, worker| block_of(ledger.lease(worker, now)).1;
     let passes = |block: Block| block.passes();
     assert_eq!(passes(next(&mut ledger, bad)), 64..68);
@@ -78,7 +78,7 @@ fn a_block_in_which_a_pass_fails_is_taken_apart() {
 fn a_poison_pass_goes_to_several_workers() {
     let mut ledger = Ledger::new(rules(4), 0);
     let workers: Vec<_> = (0..4).map(|_| join(&mut ledger, "worker")).collect();
-    // None of them has rendered anything before: each has its turn.
+    // None of them has rendered anything: each gets its turn.
     for (i, worker) in workers.iter().enumerate() {
         assert!(ledger.failed().is_none());
         let (lease, block) = block_of(ledger.lease(*worker, at(i as u64)));
@@ -90,7 +90,7 @@ fn a_poison_pass_goes_to_several_workers() {
     assert!(ledger.is_complete());
 }
 
-/// The word of those that have rendered others is enough.
+/// The word of workers that have rendered others is enough.
 #[test]
 fn a_poison_pass_need_not_go_to_all() {
     let mut ledger = Ledger::new(rules(8), 0);
@@ -109,7 +109,7 @@ fn a_poison_pass_need_not_go_to_all() {
     assert_eq!((failure.pass_index, failure.workers), (3, 3));
 }
 
-/// Nor is it the word of those that fail at one pass after another, or whose pixels nobody else has found.
+/// The word of workers that fail at pass after pass, or whose pixels nobody confirmed, is not.
 #[test]
 fn who_fails_at_everything_ends_no_job() {
     for audit_every in [0, 1] {
@@ -122,7 +122,7 @@ fn who_fails_at_everything_ends_no_job() {
         let bad: Vec<_> = (0..4).map(|_| join(&mut ledger, "bad")).collect();
         for (i, worker) in bad.iter().enumerate() {
             let (lease, block) = block_of(ledger.lease(*worker, at(0)));
-            // Where it is checked, wrong pixels, each other ones; where it is not, then a failure elsewhere.
+            // With checks: wrong pixels, different for each. Without: a failure elsewhere.
             match audit_every {
                 0 => {
                     ledger.accept(*worker, lease, block, pixels(block), at(1)).unwrap();
@@ -142,7 +142,7 @@ fn who_fails_at_everything_ends_no_job() {
     }
 }
 
-/// It is silent, or its heartbeats say that it is at it.
+/// It is silent, or its heartbeats say that it is working.
 #[test]
 fn who_lets_leases_run_out_waits_longer_each_time() {
     let mut ledger = Ledger::new(rules(1000), 0);
@@ -165,13 +165,13 @@ fn who_lets_leases_run_out_waits_longer_each_time() {
     block_of(ledger.lease(idle, now));
     now += RULES.lease;
     assert_eq!(ledger.expire(now), 1);
-    // What comes late is welcome, and so is who brings it.
+    // A late result is welcome, and so is its worker.
     let (lease, block) = kept.unwrap();
     ledger.accept(idle, lease, block, pixels(block), now).unwrap();
     block_of(ledger.lease(idle, now));
 }
 
-/// Neither to check what one worker alone has rendered, nor to try what it failed at.
+/// Neither to check what only one worker has rendered, nor to try what it failed at.
 #[test]
 fn a_job_does_not_wait_for_those_who_do_nothing() {
     for (gives_back, comes_again) in [(false, false), (true, false), (false, true), (true, true)] {
@@ -188,7 +188,7 @@ fn a_job_does_not_wait_for_those_who_do_nothing() {
             rounds += 1;
             assert!(rounds < 1000, "{gives_back}, {comes_again}: {ledger:#?}");
             if comes_again {
-                // As another one, each time.
+                // As a new worker each time.
                 idle = join(&mut ledger, "idle");
             }
             if let Ok(Grant::Lease(lease, block)) = ledger.lease(good, now) {
@@ -232,7 +232,7 @@ fn a_worker_that_fails_waits_and_is_shut_out_in_the_end() {
     let sentence = Sentence::Failures;
     assert_eq!(ledger.take_notes(), [Note::ShutOut(bad, sentence)]);
     assert_eq!(ledger.lease(bad, now), Err(LedgerError::ShutOut(bad, sentence)));
-    // The other one gets what it failed, and a success would have made it good.
+    // The other worker gets the failed pass; a success would have restored the first.
     assert_eq!(block_of(ledger.lease(good, now)).1, Block::leaf(0));
 }
 
@@ -245,7 +245,7 @@ fn an_idle_worker_takes_over_what_others_take_long_for() {
         let (lease, block) = block_of(ledger.lease(quick, at(i)));
         ledger.accept(quick, lease, block, pixels(block), at(i + 1)).unwrap();
     }
-    // A second is usual; two are long.
+    // A second is usual; two are late.
     let mut early = Ledger::new(rules(1), 0);
     let (a, b) = (join(&mut early, "a"), join(&mut early, "b"));
     block_of(early.lease(a, at(0)));
@@ -253,7 +253,7 @@ fn an_idle_worker_takes_over_what_others_take_long_for() {
     assert_eq!(ledger.ask_again(quick, at(2)), Some(at(2)));
     let again = block_of(ledger.lease(quick, at(2)));
     assert_eq!(again.1, old.1);
-    // A third time when the copy is late as well: two that never finish hold nobody up.
+    // A third lease when the copy is late as well: two that never finish stop nobody.
     let third = join(&mut ledger, "third");
     assert_eq!(ledger.lease(third, at(3)), Ok(Grant::NotNow));
     assert_eq!(ledger.ask_again(third, at(3)), Some(at(4)));
@@ -284,15 +284,15 @@ fn a_lease_that_takes_far_too_long_ends() {
         ledger.beat(quick, [], at(now)).unwrap();
         assert_eq!(ledger.expire(at(now + 3)), 0);
     }
-    // 32 times the two seconds that a pass takes.
+    // 32 times the usual two seconds per pass.
     assert_eq!(ledger.expire(at(64)), 1);
     assert_eq!(block_of(ledger.lease(quick, at(64))).1, held.1);
-    // It counts all the same when it comes.
+    // It counts when it arrives all the same.
     let late = ledger.accept(hung, held.0, held.1, pixels(held.1), at(65));
     assert_eq!(late, Ok(Accepted::New));
 }
 
-/// Of many cards and one driver in software, say, that is to check them.
+/// For example a software driver that must check many cards.
 #[test]
 fn a_worker_that_is_known_to_be_slow_has_its_time() {
     let mut ledger = Ledger::new(rules(1000), 0);
@@ -305,7 +305,7 @@ fn a_worker_that_is_known_to_be_slow_has_its_time() {
     }
     ledger.accept(slow, first.0, first.1, pixels(first.1), at(100)).unwrap();
     let held = block_of(ledger.lease(slow, at(100)));
-    // 32 times what the others need in the mean is over long before.
+    // 32 times the mean of the others is over long before.
     for now in (110..300).step_by(10) {
         ledger.beat(slow, [(held.0, 0)], at(now)).unwrap();
         assert_eq!(ledger.expire(at(now)), 0, "{now}");
@@ -325,7 +325,7 @@ fn nobody_leases_all_there_is() {
     assert_eq!(block_of(ledger.lease(other, at(0))).1, Block::leaf(16));
 }
 
-/// Nor do others, as long as somebody has not tried.
+/// Nor do other workers, while somebody has not tried.
 #[test]
 fn who_never_rendered_anything_ends_no_job() {
     let mut ledger = Ledger::new(rules(4), 0);
@@ -435,14 +435,14 @@ fn a_range_of_passes_begins_where_it_should() {
     assert!(ledger.is_complete());
 }
 
-/// Of a worker that says that it lives, and renders no further pass.
+/// A worker sends heartbeats but renders no further pass.
 #[test]
 fn a_block_that_does_not_get_on_ends() {
     let (mut ledger, worker) = busy(64, 1024);
     ledger.set_intake(10.0);
     let (lease, block) = block_of(ledger.lease(worker, at(64)));
     assert_eq!(block.len(), 32);
-    // One that waits for the one before is not begun.
+    // A block that waits for the one before has not started.
     for now in (64..64 + 900).step_by(20) {
         ledger.beat(worker, [(lease, 0)], at(now)).unwrap();
         assert_eq!(ledger.expire(at(now)), 0, "{now}");
@@ -455,7 +455,7 @@ fn a_block_that_does_not_get_on_ends() {
         ledger.beat(worker, [(lease, rendered)], at(now)).unwrap();
         assert_eq!(ledger.expire(at(now)), 0, "{now}");
     }
-    // 32 times the usual second after the last that was new.
+    // 32 times the usual second after the last new pass.
     assert_eq!(ledger.expire(at(1062)), 1);
 }
 
@@ -475,18 +475,18 @@ fn workers_that_did_nothing_are_forgotten_when_there_are_too_many() {
         registered.map_while(|worker| worker).last().unwrap()
     };
     let last = crowd(&mut ledger, at(5));
-    // Those that are there are not.
+    // Present workers are not forgotten.
     assert!(!ledger.has_room(at(6)) && ledger.knows(last) && ledger.knows(busy));
     let (_, block) = block_of(ledger.lease(last, at(30)));
     let later = crowd(&mut ledger, at(50));
     assert!(ledger.knows(last) && ledger.knows(busy) && ledger.knows(later));
     assert!(!ledger.knows(WorkerId(last.0 - 1)));
     assert_eq!(block.start(), 4);
-    // A status has so many at most.
+    // A status lists at most this many.
     assert!(ledger.views(at(51)).len() < 5000);
 }
 
-/// Machines that come and go, each with a pass of its own, leave room for those after them.
+/// Machines that come and go, each with a pass that counts, leave room for later ones.
 #[test]
 fn a_long_job_may_have_had_any_number_of_workers() {
     let passes = 8_600;

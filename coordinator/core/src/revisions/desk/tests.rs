@@ -35,7 +35,7 @@ fn job(limit: u64) -> Job {
     }
 }
 
-/// What a worker would render: a film that tells of what it is.
+/// The film that a worker would render, marked with its task.
 fn rendered(task: &Task) -> Film {
     let mut film = Film::new(task.width, task.height);
     if let Work::Pass { pass_index, .. } = task.work {
@@ -78,7 +78,7 @@ fn sketches_come_first_and_then_passes() {
         );
     }
     assert!(widths.is_sorted() && widths.last() == Some(&FULL[0]), "{widths:?}");
-    // The first is there at once, however slow the scene is.
+    // The first appears at once, however slow the scene is.
     assert!(widths[0] < 64, "{widths:?}");
     assert_eq!(passes, [0, 1]);
     desk.extend(3);
@@ -98,7 +98,7 @@ fn a_change_drops_all_but_the_coarsest_sketch() {
     assert_eq!(desk.drop_of(a), None);
     assert_eq!(desk.drop_of(b), Some(finer.number));
     assert_eq!(desk.drop_of(b), None, "told once");
-    // The one that goes on has something to do; the other begins with the new revision before it has let go.
+    // One worker continues and gets nothing new; the other starts the new revision before it has released its task.
     assert_eq!(desk.next(a, NOW), None);
     let newer = desk.next(b, NOW).unwrap();
     assert_eq!(newer.revision, RevisionNumber(2));
@@ -113,7 +113,7 @@ fn a_change_drops_all_but_the_coarsest_sketch() {
         ),
         "{verdict:?}"
     );
-    // What was dropped arrives all the same.
+    // A dropped picture arrives anyway.
     assert_eq!(
         desk.finish(b, finer.number, &rendered(&finer), (SOON, NOW)),
         Verdict::Late
@@ -154,7 +154,7 @@ fn what_lost_workers_had_is_for_others() {
     desk.leave(a);
     let again = desk.next(b, NOW).unwrap();
     assert_eq!((first.width, first.work), (again.width, again.work));
-    // Its delivery comes by another stream that is gone: nobody is there to deliver it.
+    // Its delivery comes through another stream that is closed: nobody can deliver it.
     assert_eq!(
         desk.finish(a, first.number, &rendered(&first), (SOON, NOW)),
         Verdict::Late
@@ -202,8 +202,7 @@ fn wrong_pictures_count_for_nothing_and_end_a_revision() {
     assert_eq!(desk.finish(worker, task, &Film::new(1, 1), (SOON, NOW)), Verdict::Late);
 }
 
-/// An honest worker, and what another one does with each task that it gets. Returns after how long all passes are
-/// there.
+/// An honest worker next to one that does as `other` says. Returns the time until all passes are done.
 fn beside_an_honest_one(mut other: impl FnMut(&mut Desk, Task, Duration)) -> (Desk, Duration) {
     let [bad, honest] = [0, 1].map(WorkerId);
     let mut desk = begun(2);
@@ -211,7 +210,7 @@ fn beside_an_honest_one(mut other: impl FnMut(&mut Desk, Task, Duration)) -> (De
     let step = Duration::from_millis(100);
     for turn in 1..600 {
         let now = turn * step;
-        // It is always quicker at taking.
+        // It always takes tasks first.
         for _ in 0..2 {
             if let Some(task) = desk.next(bad, now) {
                 other(&mut desk, task, now);
@@ -233,19 +232,19 @@ fn beside_an_honest_one(mut other: impl FnMut(&mut Desk, Task, Duration)) -> (De
 fn what_a_worker_keeps_is_for_others() {
     let mut kept = 0;
     let (mut desk, after) = beside_an_honest_one(|_, _, _| kept += 1);
-    // What it took first was waited for as long as where nothing is known.
+    // Its first task was waited for as long as where nothing is known.
     assert!(
         kept >= 1 && after < PATIENCE + Duration::from_secs(10),
         "{kept}, {after:?}"
     );
     assert!(!desk.is_to_blame(WorkerId(0)));
-    // From the next revision on no longer than eight of such tasks, or a second.
+    // From the next revision on at most eight such tasks, or a second.
     desk.revise(RevisionNumber(2), FULL, style());
     let held = desk.next(WorkerId(0), after + Duration::from_secs(100));
     assert!(held.is_none_or(|task| task.revision == RevisionNumber(2)));
 }
 
-/// Whatever becomes of the copy, and of copies of that: one is left to a worker that keeps it, and others get it.
+/// Whatever becomes of a copy and of its copies: one worker keeps its task, and others get it as well.
 #[test]
 fn what_is_late_is_for_others_until_one_brings_it() {
     for ends in ["leaves", "gives back", "fails", "keeps"] {
@@ -253,7 +252,7 @@ fn what_is_late_is_for_others_until_one_brings_it() {
         let mut now = NOW;
         let kept = desk.next(WorkerId(0), now).unwrap();
         for spoiler in (1..5).map(WorkerId) {
-            // Nothing is known, and there is other work.
+            // Nothing is known yet, and there is other work.
             now += PATIENCE + SOON;
             let task = desk.next(spoiler, now).unwrap();
             assert_eq!(task.work, kept.work, "{ends}: {spoiler:?}");
@@ -270,12 +269,12 @@ fn what_is_late_is_for_others_until_one_brings_it() {
         let verdict = desk.finish(WorkerId(5), task.number, &rendered(&task), (SOON, now));
         assert!(matches!(verdict, Verdict::Sketch { .. }), "{ends}: {verdict:?}");
         assert_eq!(desk.drop_of(WorkerId(0)), Some(kept.number));
-        // Who keeps it has to wait.
+        // The worker that keeps the task has to wait.
         assert_eq!(desk.next(WorkerId(0), now), None, "{ends}");
     }
 }
 
-/// Those who have nothing else to do take over passes of which nothing is known, before long.
+/// Idle workers soon take over passes for which no time is known.
 #[test]
 fn nobody_idles_while_others_are_late() {
     let mut desk = begun(2);
@@ -320,7 +319,7 @@ fn a_worker_that_fails_at_what_others_render_is_sent_away() {
     assert!(desk.is_to_blame(WorkerId(0)));
 }
 
-/// As one that runs out of memory at times.
+/// Such as one that runs out of memory at times.
 #[test]
 fn a_worker_that_fails_now_and_then_stays() {
     let mut desk = begun(2);
@@ -337,7 +336,7 @@ fn a_worker_that_fails_now_and_then_stays() {
     }
 }
 
-/// A sketch of an older revision says nothing of who failed at the same one of the last.
+/// A sketch of an older revision does not decide who failed at the last one's.
 #[test]
 fn nobody_is_to_blame_for_another_revision() {
     let mut desk = begun(2);
@@ -353,7 +352,7 @@ fn nobody_is_to_blame_for_another_revision() {
     }
 }
 
-/// What nobody can render is nobody's fault.
+/// A task that nobody can render is nobody's fault.
 #[test]
 fn a_revision_that_all_fail_at_ends() {
     let mut desk = begun(3);
@@ -370,7 +369,7 @@ fn a_revision_that_all_fail_at_ends() {
     assert!(!desk.has_failed() && desk.next(WorkerId(1), NOW).is_some());
 }
 
-/// What happens to a desk.
+/// Events at a desk.
 #[derive(Clone, Debug)]
 enum Move {
     Revise,
@@ -378,7 +377,7 @@ enum Move {
     Join(u64),
     Leave(u64),
     Take(u64),
-    /// The worker delivers what it has in hand, or the n-th task that anybody was ever given.
+    /// The worker delivers its current task, or the n-th task that was ever handed out.
     Deliver(u64, Option<usize>),
     GiveBack(u64),
 }
@@ -400,8 +399,8 @@ fn moves() -> impl Strategy<Value = Vec<Move>> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, rng_seed: RngSeed::Fixed(22), ..ProptestConfig::default() })]
 
-    /// Whatever comes in whatever order: pictures never go back, the sum has each pass of the newest revision once and
-    /// nothing else, and when workers stay, all passes come together.
+    /// In any order of events: pictures never get worse, the sum holds each pass of the newest revision once and
+    /// nothing else, and if workers stay, all passes arrive.
     #[test]
     fn nothing_of_an_older_revision_enters_a_sum(moves in moves()) {
         let mut desk = begun(1);
@@ -457,7 +456,7 @@ proptest! {
                 }
             }
         }
-        // A worker that stays, when all others have left.
+        // One worker stays after all others have left.
         (0..4).for_each(|worker| desk.leave(WorkerId(worker)));
         if desk.has_failed() {
             revision += 1;

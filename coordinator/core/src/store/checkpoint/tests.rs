@@ -89,7 +89,7 @@ fn other_jobs_are_refused() {
     assert_eq!(error.to_string(), "it belongs to another job");
 }
 
-/// A disk with room for so many bytes.
+/// A disk with room for a limited number of bytes.
 struct Full(Cursor<Vec<u8>>, usize);
 
 impl Write for Full {

@@ -38,7 +38,7 @@ fn open(path: &Path, spec: &mut JobSpec) -> Result<(Folder, Option<Resumed>), St
     Folder::open(path, spec, Looks::default(), ASKED)
 }
 
-/// Passes that are there after opening.
+/// The number of passes found on opening.
 fn passes(path: &Path) -> u64 {
     let (_, resumed) = open(path, &mut spec(100)).unwrap();
     resumed.map_or(0, |resumed| resumed.checkpoint.sum.passes())
@@ -50,7 +50,7 @@ fn a_job_is_found_again() {
     let path = folder.path().join("deep/a.job");
     let (mut job, resumed) = open(&path, &mut spec(8)).unwrap();
     assert!(resumed.is_none());
-    // One at a time.
+    // Only one opener at a time.
     let error = open(&path, &mut spec(8)).err().unwrap();
     assert!(matches!(error, StoreError::InUse(_)), "{error}");
     for n in 1..6 {
@@ -71,7 +71,8 @@ fn a_job_is_found_again() {
     assert_eq!(fs::read(file).unwrap(), b"b");
 }
 
-/// Jobs of processors are what they were when there was no other engine, and those of others go on with theirs alone.
+/// Jobs on processors are the same as before other engines existed. Jobs of other engines continue only with the same
+/// engine.
 #[test]
 fn a_job_keeps_its_engine() {
     let folder = tempfile::tempdir().unwrap();
@@ -133,12 +134,12 @@ fn another_job_is_refused_by_what_differs() {
         assert!(matches!(error, StoreError::Different { .. }), "{error}");
         assert!(error.to_string().contains(expected), "{error}");
     }
-    // More passes are welcome, and stay asked for.
+    // The number of passes may be raised, and the raise is remembered.
     drop(open(&path, &mut spec(9)).unwrap());
     let mut unasked = spec(3);
     drop(Folder::open(&path, &mut unasked, Looks::default(), Asked::default()).unwrap());
     assert_eq!(unasked.passes, 9);
-    // Nor does a job that had no limit go on forever when nobody says when to end.
+    // Nor does a job without a limit run forever when no stopping condition is given.
     let mut endless = spec(beamfarm_image::job::MAX_PASSES);
     drop(open(&path, &mut endless).unwrap());
     for (scene, expected) in [(3, 5), (7, 7)] {
@@ -148,7 +149,7 @@ fn another_job_is_refused_by_what_differs() {
     }
 }
 
-/// An edited scene with another number of passes than before has that many, as far as nobody said it otherwise.
+/// If the scene's number of passes changes, the new number applies unless another was requested.
 #[test]
 fn the_scenes_number_of_passes_counts_when_it_changes() {
     let folder = tempfile::tempdir().unwrap();
@@ -183,7 +184,7 @@ fn another_picture_begins_anew_where_nothing_is_lost_or_somebody_says_so() {
     let (_, resumed) = Folder::open(&path, &mut spec(8), Looks::default(), restart).unwrap();
     assert!(resumed.is_none());
     assert_eq!(passes(&path), 0);
-    // What was damaged is not thrown away unasked.
+    // Damaged files are not discarded unasked.
     fs::write(path.join("checkpoint-0"), "damaged").unwrap();
     assert!(open(&path, &mut other).is_err());
     assert!(path.join("checkpoint-0").exists());
@@ -208,7 +209,7 @@ fn other_folders_are_left_alone() {
     }
 }
 
-/// Killed between any two steps of making the directory.
+/// Killed between any two steps of creating the directory.
 #[test]
 fn half_made_directories_are_finished() {
     let folder = tempfile::tempdir().unwrap();
@@ -233,7 +234,7 @@ fn a_damaged_checkpoint_gives_way_to_the_one_before() {
         job.save(&mut checkpoint(0..n)).unwrap();
     }
     drop(job);
-    // Number 0 of one pass was written over by number 2 of three.
+    // Number 0, with one pass, was overwritten by number 2, with three.
     let [even, odd] = CHECKPOINTS.map(|name| path.join(name));
     let good = fs::read(&even).unwrap();
     assert_eq!(passes(&path), 3);
@@ -249,7 +250,7 @@ fn a_damaged_checkpoint_gives_way_to_the_one_before() {
     assert_eq!(passes(&path), 2);
     fs::write(&even, b"").unwrap();
     assert_eq!(passes(&path), 2);
-    // The next one goes over the damaged one.
+    // The next one overwrites the damaged one.
     let (mut job, _) = open(&path, &mut spec(100)).unwrap();
     job.save(&mut checkpoint(0..6)).unwrap();
     drop(job);
@@ -262,7 +263,7 @@ fn a_damaged_checkpoint_gives_way_to_the_one_before() {
     assert_eq!(passes(&path), 0);
 }
 
-/// A half-written file beside the checkpoints changes nothing, and the next one takes its place.
+/// A half-written file next to the checkpoints changes nothing, and the next one replaces it.
 #[test]
 fn what_was_being_written_when_the_power_went_is_ignored() {
     let folder = tempfile::tempdir().unwrap();
@@ -279,14 +280,14 @@ fn what_was_being_written_when_the_power_went_is_ignored() {
     assert_eq!(passes(&path), 3);
 }
 
-/// What cannot be written leaves both checkpoints as they were.
+/// A failed write leaves both checkpoints as they were.
 #[test]
 fn a_failed_checkpoint_costs_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.job");
     let (mut job, _) = open(&path, &mut spec(100)).unwrap();
     job.save(&mut checkpoint(0..2)).unwrap();
-    // A folder is in the way of the next one.
+    // A folder blocks the next one.
     let part = path.join("checkpoint-1.part");
     fs::create_dir(&part).unwrap();
     let error = job.save(&mut checkpoint(0..3)).unwrap_err();
@@ -298,7 +299,7 @@ fn a_failed_checkpoint_costs_nothing() {
     assert_eq!(passes(&path), 3);
 }
 
-/// What was being written takes no room any more; what is not the program's is left alone.
+/// Partial files are removed; files of others are left alone.
 #[test]
 fn what_was_being_written_is_removed() {
     let folder = tempfile::tempdir().unwrap();
@@ -322,7 +323,7 @@ fn a_checkpoint_that_cannot_be_read_is_not_written_over() {
     let (mut job, _) = open(&path, &mut spec(100)).unwrap();
     job.save(&mut checkpoint(0..2)).unwrap();
     drop(job);
-    // Opens, but cannot be read, whoever asks.
+    // Opens, but cannot be read even by root.
     fs::create_dir(path.join("checkpoint-1")).unwrap();
     let error = open(&path, &mut spec(100)).err().unwrap();
     assert!(matches!(error, StoreError::Io { .. }), "{error}");
@@ -354,7 +355,7 @@ fn wrong_passes_do_not_come_back_from_a_checkpoint() {
     for pass in [0, 1, 2, 3, 4] {
         job.enter(&entry(pass, done));
     }
-    // A verdict that the first checkpoint knows of.
+    // A verdict that the first checkpoint includes.
     job.enter(&entry(4, dropped));
     job.enter(&entry(4, done));
     job.save(&mut Checkpoint {
@@ -372,17 +373,17 @@ fn wrong_passes_do_not_come_back_from_a_checkpoint() {
     job.append().unwrap();
     drop(job);
     let (passes, prefix, known) = found(&path);
-    // Whatever pass 3 was added to goes with it; pass 4 stays, whether or not the prefix reaches it.
+    // Whatever was summed with pass 3 goes with it; pass 4 stays, whether or not the prefix reaches it.
     assert!(prefix <= 3 && passes < 5, "{prefix} {passes}");
     assert_eq!(known, [0, 1, 2, 4]);
-    // The line has been torn: nobody had been told.
+    // The line is torn: the verdict was never announced.
     let ledger = path.join(LEDGER);
     let bytes = fs::read(&ledger).unwrap();
     fs::write(&ledger, &bytes[..bytes.len() - 1]).unwrap();
     assert_eq!(found(&path), (5, 5, vec![0, 1, 2, 3, 4]));
 }
 
-/// Without a checkpoint, what was rendered can still be compared.
+/// Without a checkpoint, rendered blocks can still be compared.
 #[test]
 fn lines_without_a_checkpoint_are_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -398,7 +399,7 @@ fn lines_without_a_checkpoint_are_told() {
     assert_eq!(job.next_number, 0);
 }
 
-/// Whoever made the folder may have put there what it likes: nothing of others is written, and nothing is waited for.
+/// The owner of the folder may have put anything there: no file of others is written, and nothing blocks.
 #[cfg(target_os = "linux")]
 #[test]
 fn links_and_pipes_in_a_foreign_folder_are_refused() {
@@ -409,7 +410,7 @@ fn links_and_pipes_in_a_foreign_folder_are_refused() {
     let (mut job, _) = open(&whole, &mut spec(8)).unwrap();
     job.save(&mut checkpoint(0..3)).unwrap();
     drop(job);
-    // Each by its name, in place of what is there, or of what is yet to be written.
+    // Each by its name, in place of a file that exists or is still to be written.
     let part = format!("checkpoint-1.{PART}");
     for name in [JOB, LEDGER, LOCK, "checkpoint-0", "checkpoint-1", &part] {
         for kind in ["link", "pipe", "zero", "folder"] {
@@ -432,7 +433,7 @@ fn links_and_pipes_in_a_foreign_folder_are_refused() {
                 "link" => symlink(&private, &own).unwrap(),
                 "zero" => symlink("/dev/zero", &own).unwrap(),
                 "pipe" => {
-                    // By no process of its own: that would hold other tests' locks until it runs.
+                    // Not by a child process: it would hold other tests' locks until it starts.
                     let (kind, mode) = (rustix::fs::FileType::Fifo, rustix::fs::Mode::RUSR);
                     rustix::fs::mknodat(rustix::fs::CWD, &own, kind, mode, 0).unwrap();
                 }
@@ -441,7 +442,7 @@ fn links_and_pipes_in_a_foreign_folder_are_refused() {
             let opened = open(&path, &mut spec(8));
             match opened {
                 Err(error) => assert!(error.to_string().contains(name), "{name}, {kind}: {error}"),
-                // A checkpoint is renamed over whatever is there, or there is another one.
+                // A checkpoint is renamed over whatever is there, or the other one is used.
                 Ok((mut job, _)) => {
                     assert!(
                         name.starts_with("checkpoint") && kind != "zero" || name == part,

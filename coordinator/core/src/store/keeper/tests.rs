@@ -38,7 +38,7 @@ fn spec() -> JobSpec {
     }
 }
 
-/// Deliver what is leased, with these pixels.
+/// Deliver what is leased, with pixels of this value.
 async fn deliver(farm: &Farm, worker: WorkerId, value: f32) {
     let Ok(Grant::Lease(lease, block)) = farm.lease(worker).await else {
         panic!("nothing is leased");
@@ -69,7 +69,7 @@ async fn deliver(farm: &Farm, worker: WorkerId, value: f32) {
     farm.submit(&claim, &bytes).unwrap();
 }
 
-/// What a coordinator would find that came now.
+/// What a coordinator that starts now would find.
 fn found(path: &Path) -> f32 {
     let (_, checkpoint) = Folder::inspect(path).unwrap();
     let sum = checkpoint.unwrap().sum;
@@ -78,7 +78,7 @@ fn found(path: &Path) -> f32 {
     first.sum.pixels[0][0]
 }
 
-/// As many passes as before, and other pixels: a wrong pass was dropped and rendered again between two looks.
+/// The number of passes is unchanged but the pixels differ: a wrong pass was dropped and rendered again between checks.
 #[tokio::test]
 async fn a_sum_whose_passes_were_replaced_is_written() {
     let directory = tempfile::tempdir().unwrap();

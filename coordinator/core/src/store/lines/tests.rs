@@ -51,7 +51,7 @@ fn a_line_a_block_and_a_torn_one_is_cut_off() {
         std::fs::write(&path, &whole[..end]).unwrap();
         let mut lines = Lines::open(&path, 11).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), whole[..last]);
-        // What comes next is whole again.
+        // The next line is whole again.
         lines.push(&entry(leaf(5), EntryState::Done, 5));
         lines.append().unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 8);
@@ -69,13 +69,13 @@ fn a_line_a_block_and_a_torn_one_is_cut_off() {
         ]
     );
     assert_eq!(done[0].worker, "a \"name\"\n".into());
-    // Behind the line that says so there is nothing about it.
+    // After the line itself there is no mention of it.
     assert_eq!(lines.dropped(0).unwrap(), [leaf(4)]);
     assert_eq!(lines.dropped(last as u64).unwrap(), []);
     assert_eq!(lines.dropped(1 << 40).unwrap(), []);
 }
 
-/// What lives of the job disagree about is told, unless it was decided.
+/// Disagreements between runs of the job are reported, unless they were decided.
 #[test]
 fn other_pixels_for_the_same_block_are_not_forgotten() {
     let folder = tempfile::tempdir().unwrap();
@@ -134,7 +134,7 @@ fn damaged_lines_are_not_believed() {
     let second = whole.iter().position(|byte| *byte == b'\n').unwrap() + 1;
     let end = second + whole[second..].iter().position(|byte| *byte == b'\n').unwrap();
     for at in second..end {
-        // What is valid JSON still, too.
+        // Also if it is still valid JSON.
         for flip in [1, 2, 16] {
             let mut damaged = whole.clone();
             damaged[at] ^= flip;
@@ -148,7 +148,7 @@ fn damaged_lines_are_not_believed() {
             );
         }
     }
-    // Nor is one about a worker.
+    // Nor is a line about a worker.
     let third = whole.len() - 60;
     let mut damaged = whole.clone();
     damaged[third] ^= 1;
@@ -156,7 +156,7 @@ fn damaged_lines_are_not_believed() {
     assert!(Lines::open(&path, 0).unwrap().convicted().unwrap().is_empty());
 }
 
-/// Of two by one name, each by its own.
+/// Two workers with the same name are told apart by their keys.
 #[test]
 fn workers_are_known_by_their_keys() {
     let folder = tempfile::tempdir().unwrap();
@@ -180,7 +180,7 @@ fn workers_are_known_by_their_keys() {
     assert_eq!(lines.convicted().unwrap(), [liar]);
 }
 
-/// Of a build that wrote no checksums, or damaged: what was dropped stays out all the same.
+/// Dropped blocks stay out even if the lines are damaged or come from a build without checksums.
 #[test]
 fn what_was_dropped_does_not_come_back_for_want_of_a_checksum() {
     let folder = tempfile::tempdir().unwrap();
@@ -201,7 +201,7 @@ fn what_was_dropped_does_not_come_back_for_want_of_a_checksum() {
     }
 }
 
-/// A disk that takes nothing, or loses what it had taken: all lines are there as soon as it is well.
+/// A disk that accepts nothing, or loses what it had accepted: all lines are there as soon as it works again.
 #[test]
 fn what_a_disk_lost_is_written_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -215,7 +215,7 @@ fn what_a_disk_lost_is_written_again() {
     lines.push(&entry(leaf(3), EntryState::Done, 1));
     lines.append().unwrap();
     let all = std::fs::read(&path).unwrap();
-    // What is open can no longer be written to, as on a file system that has gone.
+    // The open file can no longer be written, as on a file system that is gone.
     let dead = || File::open(&path).unwrap();
     for left in [&synced, &all] {
         lines.file = dead();
@@ -234,7 +234,7 @@ fn what_a_disk_lost_is_written_again() {
     assert_eq!(text.lines().count(), 6);
     assert_eq!(lines.end(), text.len() as u64);
 
-    // Another file in its place is not written over.
+    // A different file in its place is not overwritten.
     std::fs::write(&path, &synced).unwrap();
     lines.file = dead();
     lines.push(&entry(leaf(5), EntryState::Done, 1));

@@ -81,10 +81,7 @@ fn a_signal_while_a_pilot_runs_ends_with_a_coarse_picture() {
 #[test]
 fn media_that_no_light_gets_through_are_named() {
     let said = noted(&dense(), &["--paths", "1"]);
-    assert!(
-        said.contains("`media.fog.sigma_s`: a photon path is scattered "),
-        "{said}"
-    );
+    assert!(said.contains("`media.fog.sigma_s`: a photon path scatters "), "{said}");
     let thin = noted(&dense(), &["--paths", "1", "-D", "media.fog.sigma_s=10.0"]);
     assert!(!thin.contains("media.fog"), "{thin}");
 

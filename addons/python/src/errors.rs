@@ -1,4 +1,4 @@
-//! Failures as exceptions of the package, which are Python's own classes in `beamfarm/errors.py`.
+//! Failures as the package's exceptions, which are Python classes in `beamfarm/errors.py`.
 
 use beamfarm_command::embedded::{Cause, Failure, exit};
 use beamfarm_scene::SceneError;
@@ -11,10 +11,10 @@ fn raised(py: Python<'_>, name: &str, args: impl for<'py> pyo3::call::PyCallArgs
     made().map_or_else(|error| error, PyErr::from_value)
 }
 
-/// The path of fields that a message begins with, as `lights["sun"].power`.
+/// The path of fields that a message begins with, for example `lights["sun"].power`.
 fn field_of(message: &str) -> Option<&str> {
     let (field, _) = message.split_once(": ")?;
-    // Names of things may be any text.
+    // Names may contain any text.
     let mut outside = field.split('"').step_by(2);
     let is_path = outside.all(|part| part.chars().all(|c| c.is_alphanumeric() || "._-[]".contains(c)));
     is_path.then_some(field)
@@ -47,12 +47,12 @@ pub fn failed(py: Python<'_>, failure: &Failure) -> PyErr {
     }
 }
 
-/// Of something that is wrong with an argument.
+/// Something is wrong with an argument.
 pub fn argument(py: Python<'_>, message: impl Display) -> PyErr {
     raised(py, "ArgumentError", (message.to_string(),))
 }
 
-/// A file that cannot be read or written.
+/// A file cannot be read or written.
 pub fn file(py: Python<'_>, message: impl Display) -> PyErr {
     raised(py, "ImageError", (message.to_string(),))
 }

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::PathBuf;
 
-/// An image of passes or samples.
+/// An image from passes or samples.
 #[pyclass(frozen)]
 pub struct Image(pub embedded::Image);
 
@@ -56,13 +56,13 @@ impl Image {
         pixel_hash(&self.0.average.beauty).to_string()
     }
 
-    /// Relative standard error; infinite of one pass.
+    /// Relative standard error; infinite after one pass.
     #[getter]
     fn error(&self, py: Python<'_>) -> f64 {
         py.detach(|| self.0.average.relative_standard_error())
     }
 
-    /// Estimated relative bias of the mean, its standard error, and the same in words; nothing where it is not known.
+    /// Estimated relative bias of the mean, its standard error, and both in words; nothing where it is unknown.
     #[getter]
     fn bias(&self) -> Option<(f64, f64, String)> {
         let bias = self.0.average.bias.as_ref().filter(|bias| bias.is_known())?;

@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Options by name that the Python side has checked for their types.
+/// Options by name; the Python side has checked their types.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Options {
@@ -41,7 +41,7 @@ impl Options {
     }
 }
 
-/// Who waits in Python: hears Ctrl-C, and is told how far things are.
+/// The Python caller that waits: it is asked for Ctrl-C and told the progress.
 pub struct Waiting {
     callback: Option<Py<PyAny>>,
     raised: Option<PyErr>,
@@ -79,7 +79,7 @@ impl Waiting {
         }
     }
 
-    /// What ended it, unless that is Ctrl-C and something is there.
+    /// The exception that ended it, unless it is Ctrl-C and an image exists.
     fn ended(self, py: Python<'_>, has_image: bool) -> PyResult<bool> {
         match self.raised {
             Some(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) && has_image => Ok(true),
@@ -89,8 +89,7 @@ impl Waiting {
     }
 }
 
-/// Do something that takes its time, while other threads of Python go on. The error is what who waits has raised, or
-/// the failure.
+/// Does something lengthy while other Python threads run. The error is what the caller raised, or the failure.
 pub fn wait<T: Send>(
     py: Python<'_>,
     callback: Option<Py<PyAny>>,
@@ -117,10 +116,10 @@ pub fn told(notes: Notes) -> Told {
     (notes.notes, notes.left_out)
 }
 
-/// An image, what became of the scene, whether Ctrl-C ended it, and the exception that there is to raise.
+/// An image, notes and omissions, whether Ctrl-C ended it, and the exception to raise, if any.
 type Outcome = (Option<Image>, Told, bool, Option<Py<PyAny>>);
 
-/// Render a scene by processes of this machine.
+/// Renders a scene in processes on this machine.
 #[pyfunction]
 #[pyo3(signature = (source, options, program, *, passes, time, error, percentile, workers, callback))]
 #[expect(clippy::too_many_arguments, reason = "arguments of Python, by name")]
@@ -151,7 +150,7 @@ pub fn render(
     Ok((done.image.map(Image), told(done.notes), is_interrupted, failure))
 }
 
-/// Render samples of the path tracer.
+/// Renders samples of the path tracer.
 #[pyfunction]
 #[pyo3(signature = (source, options, *, samples, time, max_depth, callback))]
 pub fn sample(
@@ -174,7 +173,7 @@ pub fn sample(
     Ok((done.image.map(Image), told(done.notes), is_interrupted, None))
 }
 
-/// What a pass will do: text, and the same as data.
+/// What a pass will do, as text and as data.
 #[pyfunction]
 pub fn explain<'py>(py: Python<'py>, source: &Bound<'py, Source>, options: Options) -> PyResult<Bound<'py, PyDict>> {
     let asked = options.asked(source);

@@ -1,8 +1,8 @@
-//! What of the Python package `beamfarm` is compiled. Its Python files beside it are what people see; names here are
-//! theirs alone.
+//! The compiled part of the Python package `beamfarm`. Users see the Python files of the package; only those use the
+//! names here.
 //!
-//! Nothing is printed. While something is rendered other threads of Python go on; those who wait are asked ten times a
-//! second whether to go on, which is when Ctrl-C is heard.
+//! Nothing is printed. Other Python threads run during a render; the caller is asked ten times a second whether to go
+//! on, which is when Ctrl-C is noticed.
 
 mod errors;
 mod image;

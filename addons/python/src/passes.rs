@@ -93,7 +93,7 @@ impl Pass {
     }
 }
 
-/// The average of passes 0 to N - 1, in any order: the bits are those of a render.
+/// The average of passes 0 to N - 1, given in any order: it has the bits of a render.
 #[pyfunction]
 pub fn average(py: Python<'_>, passes: Vec<Bound<'_, Pass>>) -> PyResult<Image> {
     let Some(first) = passes.first().map(Bound::get) else {

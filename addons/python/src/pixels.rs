@@ -12,8 +12,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::path::PathBuf;
 
-/// A film as an array of (height, width, 3) numbers that shares its memory with `owner`, which holds it and never
-/// changes. Nobody can write to it.
+/// A film as a read-only array of (height, width, 3) that shares memory with `owner`, which holds the film and never
+/// changes.
 pub fn shared<'py>(film: &Film, owner: Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let shape = (film.height as usize, film.width as usize, 3);
     let view = ArrayView3::from_shape(shape, film.pixels.as_flattened());
@@ -26,13 +26,13 @@ pub fn shared<'py>(film: &Film, owner: Bound<'py, PyAny>) -> PyResult<Bound<'py,
     Ok(array.into_any())
 }
 
-/// Names of the layers that are arrays: mattes are none.
+/// Names of the layers that are arrays; mattes are not.
 pub fn layer_names(meta: &ImageMeta) -> Vec<String> {
     let films = meta.layers.iter().filter(|layer| layer.matte().is_none());
     films.map(ToString::to_string).collect()
 }
 
-/// The layer of this name, of `films` that `owner` holds.
+/// The layer of this name from `films`, which `owner` holds.
 pub fn layer_named<'py>(
     meta: &ImageMeta,
     films: &[Film],
@@ -45,7 +45,7 @@ pub fn layer_named<'py>(
     layer(found, film, meta.empty_depth.unwrap_or(f32::INFINITY), owner)
 }
 
-/// A layer as people see it: (height, width) of one channel, (height, width, N) of several.
+/// A layer in its public shape: (height, width) for one channel, (height, width, N) for several.
 fn layer<'py>(layer: &Layer, film: &Film, empty_depth: f32, owner: Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let py = owner.py();
     match layer {
@@ -118,7 +118,7 @@ pub fn compare<'py>(
     Ok(data)
 }
 
-/// R, G and B of an OpenEXR file, as (height, width, 3).
+/// R, G and B of an OpenEXR file as (height, width, 3).
 #[pyfunction]
 pub fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyArray3<f32>>> {
     let film = py.detach(|| read_rgb(&path)).map_err(|error| errors::file(py, error))?;
@@ -127,7 +127,7 @@ pub fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyArray3<
     flat.reshape(shape)
 }
 
-/// An OpenEXR file of an array of (height, width, 3), for scenes.
+/// An array of (height, width, 3) as an OpenEXR file for scenes.
 #[pyfunction]
 pub fn encode_exr<'py>(py: Python<'py>, pixels: PyReadonlyArray3<'py, f32>) -> PyResult<Bound<'py, PyBytes>> {
     use exr::prelude::{Image, SpecificChannels, Vec2, WritableImage};

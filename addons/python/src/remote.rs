@@ -30,13 +30,13 @@ impl Remote {
         made.map(Self).map_err(|failure| errors::failed(py, &failure))
     }
 
-    /// How its job stands, as JSON.
+    /// Its job's status, as JSON.
     fn status(&self, py: Python<'_>) -> PyResult<String> {
         let done = py.detach(|| self.0.status());
         done.map_err(|failure| errors::failed(py, &failure))
     }
 
-    /// `pause`, `resume`, `cancel`, or `extend` to so many passes in all.
+    /// `pause`, `resume`, `cancel`, or `extend` to this many passes in all.
     #[pyo3(signature = (what, passes=None))]
     fn steer(&self, py: Python<'_>, what: &str, passes: Option<u64>) -> PyResult<()> {
         let steer = match (what, passes) {

@@ -8,20 +8,20 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Where the files of a scene may be, and which it has read.
+/// Where a scene's files may be, and which it has read.
 #[pyclass(frozen)]
 pub struct Reach(Arc<beamfarm_scene::Reach>);
 
 #[pymethods]
 impl Reach {
-    /// Of a scene at this path, which may also read what is in these folders.
+    /// For a scene at this path, which may also read files in these folders.
     #[new]
     fn new(path: PathBuf, allowed: Vec<PathBuf>) -> Self {
         Self(Arc::new(beamfarm_scene::Reach::new(&path, &allowed)))
     }
 }
 
-/// A scene as text, with files that are nowhere on the disk.
+/// A scene as text, with files that exist only in memory.
 #[pyclass(frozen)]
 pub struct Source(pub Arc<SceneText>);
 
@@ -37,7 +37,7 @@ impl Source {
         }))
     }
 
-    /// Raise all that is wrong with it.
+    /// Raises everything that is wrong with it.
     fn check(&self, py: Python<'_>) -> PyResult<()> {
         let scene = self.0.clone();
         let found = py.detach(move || {
@@ -52,7 +52,7 @@ impl Source {
     }
 }
 
-/// TOML as a dictionary. `path`: what errors call it.
+/// TOML as a dictionary. `path`: its name in errors.
 #[pyfunction]
 pub fn loads<'py>(py: Python<'py>, text: &str, path: PathBuf) -> PyResult<Bound<'py, PyAny>> {
     let table: toml::Table = toml::from_str(text).map_err(|error| {
@@ -76,7 +76,7 @@ pub fn dumps(py: Python<'_>, data: &Bound<'_, PyDict>) -> PyResult<String> {
     toml::to_string(&table).map_err(|error| errors::argument(py, error))
 }
 
-/// Text of a scene file, files that were made for it, where others may be, notes, and what was left out.
+/// Text of a scene file, files made for it, where others may be, notes, and what was left out.
 type Read<'py> = (
     String,
     BTreeMap<String, Bound<'py, PyBytes>>,
@@ -85,7 +85,7 @@ type Read<'py> = (
     Vec<String>,
 );
 
-/// Read a scene of any kind as a native one.
+/// Reads a scene of any format as a native one.
 #[pyfunction]
 pub fn read_scene<'py>(
     py: Python<'py>,
@@ -121,7 +121,7 @@ pub fn read_scene<'py>(
     Ok((text, made, Reach(file.reach), file.notes, file.left_out))
 }
 
-/// Factor on base radii in a pass, where they shrink once a pass.
+/// The radius factor of a pass, for radii that shrink once per pass.
 #[pyfunction]
 pub fn radius_scale(index: u64, alpha: f64) -> f64 {
     beamfarm_image::radius::radius_scale(index as f64 + 1.0, alpha)

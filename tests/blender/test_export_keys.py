@@ -231,7 +231,7 @@ class Frames(unittest.TestCase):
                         line = [compare.program(), "render", file, "-o", output, "--passes", "8", "--quiet", *more]
                         subprocess.run(list(map(str, line)), check=True, capture_output=True)
                         pictures.append(compare.read(output))
-                    # The same but for rounding: few rays meet another thing for that.
+                    # The same up to rounding, which makes a few rays hit something else.
                     difference = abs(pictures[0] - pictures[1]).mean() / pictures[1].mean()
                     self.assertLess(difference, 2e-3, frame)
 

@@ -1,4 +1,4 @@
-"""What is set for this machine, and not for a file: the program, and who renders."""
+"""Settings of this machine, not of a file: the program, and who renders."""
 
 from pathlib import Path
 
@@ -52,11 +52,11 @@ class BeamfarmPreferences(bpy.types.AddonPreferences):
     )
 
     def path(self) -> Path:
-        """The command, or a `program.ProgramError`."""
+        """The command; raises `program.ProgramError`."""
         return self.found()[0]
 
     def found(self) -> tuple[Path, str]:
-        """The command and whose it is, or a `program.ProgramError`."""
+        """The command and its origin; raises `program.ProgramError`."""
         return program.usable(bpy.path.abspath(self.program))
 
     def draw(self, _context: bpy.types.Context) -> None:

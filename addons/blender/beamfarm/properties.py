@@ -1,6 +1,6 @@
-"""What is set for a scene and for its view layers, and is kept in the file.
+"""Settings of a scene and of its view layers, which are kept in the file.
 
-Not with postponed annotations: those of these classes are Blender's properties.
+Without postponed annotations: those of these classes are Blender's properties.
 """
 
 import bpy

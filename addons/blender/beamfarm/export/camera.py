@@ -6,11 +6,11 @@ from mathutils import Vector
 
 
 class NoCamera(ValueError):
-    """There is no camera, or one that the scene file has no word for."""
+    """There is no camera, or one that the scene file cannot express."""
 
 
 def camera_table(context):
-    """`[camera]` of the settings' view or camera object."""
+    """`[camera]` for the settings' view or camera object."""
     settings = context.settings
     if settings.pixel_aspect[0] != settings.pixel_aspect[1]:
         context.report.leave_out("the pixels' aspect ratio: they are square")
@@ -25,7 +25,7 @@ def camera_table(context):
 
 
 def _place(matrix):
-    """Origin, target and up of a camera that looks along -z; a scale of the object does not count."""
+    """Origin, target and up of a camera that looks along -z; the object's scale does not count."""
     rotation = matrix.to_3x3()
     origin = matrix.translation
     forward = (rotation @ Vector((0.0, 0.0, -1.0))).normalized()
@@ -56,7 +56,7 @@ def _parallel(scale, axis, settings):
 
 
 def _shift(shift, axis, settings):
-    """Blender's shift is in lengths of the side that the lens spans, the scene file's in the picture's own."""
+    """Blender's shift is relative to the side that the lens spans, the scene file's to each side of the picture."""
     fitted = settings.width if axis == "x" else settings.height
     x, y = +shift[0] * fitted / settings.width, -shift[1] * fitted / settings.height
     return {} if x == 0.0 and y == 0.0 else {"principal_point": [float(x), float(y)]}
@@ -84,7 +84,7 @@ def _from_object(camera, context):
         table |= _focus(lens)
         if data.dof.aperture_blades > 2 or data.dof.aperture_ratio != 1.0:
             context.report.note(f"camera '{camera.name}': its aperture is round")
-    # Those of new cameras, which nobody has set.
+    # Only if they differ from the values of new cameras.
     if data.clip_start > 0.1001 or data.clip_end < 99.9:
         context.report.note(f"camera '{camera.name}': nothing is clipped, be it near or far")
     return table | _shift((data.shift_x, data.shift_y), axis, settings)
@@ -92,7 +92,7 @@ def _from_object(camera, context):
 
 def _panorama(camera, axis, sensor, context):
     data, report = camera.data, context.report
-    # Where they are depends on Blender's version.
+    # Their place depends on Blender's version.
     own = data if hasattr(data, "panorama_type") else data.cycles
     if data.dof.use_dof:
         report.leave_out(f"depth of field of camera '{camera.name}': panoramas are in focus everywhere")
@@ -139,12 +139,12 @@ def _focus(lens):
 
 
 def lens_of(camera, depsgraph):
-    """(radius of the aperture, distance of the plane in focus) in scene units; None where all is in focus."""
+    """(radius of the aperture, distance of the focal plane) in scene units; None if everything is in focus."""
     data, dof = camera.data, camera.data.dof
     if not dof.use_dof:
         return None
     fstop = max(dof.aperture_fstop, 1e-5)
-    # Focal lengths are millimetres; Cycles takes that of orthographic cameras for 1.
+    # Focal lengths are in millimetres; Cycles uses 1 for orthographic cameras.
     aperture = (1.0 if data.type == "ORTHO" else data.lens * 1e-3) / (2.0 * fstop)
     distance = dof.focus_distance
     if dof.focus_object is not None:

@@ -31,7 +31,7 @@ class SurfaceReader(ReliefReader):
         if found is None or not found.socket.is_output or found.node.mute:
             return opaque(None)
         if found.socket.type != "SHADER":
-            # A colour in the place of a shader shines.
+            # A colour in place of a shader emits.
             return opaque(None, emission=scaled(self.value(place).as_color(), constant(1.0)))
         handler = SHADERS.get(found.node.type)
         if handler is None:
@@ -124,7 +124,7 @@ def _hair(reader, place):
 
 
 def _by_fresnel(reader, place):
-    """Surface of two shaders mixed by Fresnel's law, where they are what one material of the scene file is."""
+    """Surface for two shaders mixed by Fresnel's law, if the scene file has a material for it."""
     factor, *parts = (follow(Place(socket, place.groups)) for socket in place.node.inputs[:3])
     if any(part is None or not part.socket.is_output or part.node.mute for part in (factor, *parts)):
         return None
@@ -177,7 +177,7 @@ def _plastic_of_two(reader, index, base, coat):
     return opaque(bsdf, turned=turned)
 
 
-# Above it the scene file's plastic keeps too much of the light.
+# Above this roughness the scene file's plastic keeps too much of the light.
 PLASTIC_ROUGHNESS = 0.3
 
 
@@ -222,7 +222,7 @@ def _principled(reader, place):
     turned = reader.turned(place)
     if alpha.is_constant and alpha.number() >= 1.0:
         return Surface(bsdf, constant(1.0), emission, turned)
-    # Cycles takes alpha off what shines as well.
+    # Cycles multiplies emission by alpha as well.
     return Surface(bsdf, alpha, scaled(emission, alpha), turned)
 
 
@@ -246,7 +246,7 @@ SHADERS = {
 
 
 def read_surface(context, material, owner, scope, bake=None, bakes_attributes=False):
-    """Surface of a Blender material. `bake`, `bakes_attributes`: those of a `Reader`."""
+    """Surface of a Blender material. `bake`, `bakes_attributes`: as in `Reader`."""
     if not material.use_nodes or material.node_tree is None:
         value = constant(*material.diffuse_color[:3])
         return opaque({"type": "diffuse", "reflectance": value, "two_sided": True})

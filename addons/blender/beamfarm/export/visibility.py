@@ -2,7 +2,7 @@
 
 
 def rays(object, instancer, context):
-    """List for `visible`; None where all rays see it. What does not see the instancer does not see its instances."""
+    """List for `visible`; None if all rays see it. Rays that do not see the instancer do not see its instances."""
 
     def sees(name):
         return getattr(object, name) and (instancer is None or getattr(instancer, name))
@@ -26,7 +26,8 @@ def rays(object, instancer, context):
 
 
 def light_rays(light, context):
-    """The same for lights: `shadow` and `photon` are how it lights at all, which here goes by diffuse visibility."""
+    """The same for lights: `shadow` and `photon` control whether it lights at all, and follow diffuse visibility
+    here."""
     flags = {
         "camera": light.visible_camera,
         "reflected": light.visible_glossy,

@@ -87,7 +87,7 @@ class Text(unittest.TestCase):
         brushed(Metallic=0.0, Transmission_Weight=0.5, Anisotropic=0.5)
         table, _, result = self.told()
         self.assertIn("anisotropic", table)
-        self.assertIn("scattered by direction as well", str(result.notes))
+        self.assertIn("transmitted light is anisotropic", str(result.notes))
 
     def test_by_texture(self):
         made = brushed(Anisotropic=0.5)

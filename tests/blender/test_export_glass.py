@@ -248,7 +248,7 @@ class Displacement(unittest.TestCase):
         bpy.context.scene.render.use_motion_blur = True
         scene, result = exported()
         self.assertEqual(len(scene["materials"]), 1)
-        self.assertEqual(result.notes, [line for line in result.notes if "has nothing between" not in line])
+        self.assertEqual(result.notes, [line for line in result.notes if "cannot be interpolated" not in line])
 
     def test_true_displacement_moves_the_mesh(self):
         for method in ("DISPLACEMENT", "BOTH"):

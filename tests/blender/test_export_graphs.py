@@ -406,7 +406,7 @@ class Volumes(unittest.TestCase):
         link(tree, add(tree, "VolumeScatter").outputs[0], tree.nodes["World Output"].inputs["Volume"])
         scenes.ball("Stone", 0.2, (3.0, 0.0, 1.0), scenes.material("Glass", "ShaderNodeBsdfGlass"))
         scene, result = exported()
-        self.assertIn("the volume of 'Cloud': what is around it is not in it", result.notes)
+        self.assertIn("the volume of 'Cloud': the volumes around it are not added in it", result.notes)
         self.assertEqual([shape.get("interior") for shape in scene["shapes"]], [None, "Cloud", None])
         noisy = add(tree, "VolumeScatter", {"Density": noise(tree).outputs["Fac"]})
         link(tree, noisy.outputs[0], tree.nodes["World Output"].inputs["Volume"])

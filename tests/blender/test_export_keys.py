@@ -85,7 +85,7 @@ class Keys(unittest.TestCase):
         modifier.frame_start, modifier.frame_duration = 1, 10
         scene.frame_set(4)
         _, result = exported()
-        self.assertTrue(any("other polygons" in note for note in result.notes), result.notes)
+        self.assertTrue(any("polygons that change" in note for note in result.notes), result.notes)
         self.assertNotIn("keys", result.text)
 
     def test_what_comes_or_goes_is_told(self):
@@ -98,7 +98,7 @@ class Keys(unittest.TestCase):
             ball.keyframe_insert("hide_render", frame=frame)
         scene.frame_set(1)
         _, result = exported()
-        self.assertTrue(any("comes or goes" in note for note in result.notes), result.notes)
+        self.assertTrue(any("appears or disappears" in note for note in result.notes), result.notes)
 
     def test_only_files_of_the_scene_are_left(self):
         for position in ("START", "CENTER", "END"):

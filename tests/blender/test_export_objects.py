@@ -216,7 +216,7 @@ class Nothing(unittest.TestCase):
 
     def test_objects_that_are_scaled_to_nothing(self):
         scenes.plane("Point").scale = (0.0, 0.0, 0.0)
-        self.check("object 'Point': its scale makes a line or a point of it")
+        self.check("object 'Point': its scale makes it a line or a point")
 
     def test_modifiers_that_leave_nothing(self):
         mask = scenes.cube("Masked").modifiers.new("Mask", "MASK")

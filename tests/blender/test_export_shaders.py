@@ -150,14 +150,14 @@ class Text(unittest.TestCase):
     def test_sums_above_one(self):
         room()
         of_two(("Diffuse", {"Color": (0.8, 0.8, 0.8)}), ("Glossy", {"Color": (0.7, 0.7, 0.7), "Roughness": 0.3}))
-        self.said(["node 'Add Shader' of material 'Ball': a sum that sends back up to 1.50 of the light is dimmed to "
+        self.said(["node 'Add Shader' of material 'Ball': a sum that reflects up to 1.50 of the light is dimmed to "
                    "what arrives"])
 
     def test_sums_that_have_no_word(self):
         room()
         of_two(("Glass", {}), ("Diffuse", {"Color": (0.1, 0.1, 0.1)}))
         self.said(["node 'Add Shader' of material 'Ball': a sum of two shaders that both scatter light; the first "
-                   "counts"])
+                   "is used"])
 
     def test_sheen(self):
         room()

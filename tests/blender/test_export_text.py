@@ -245,7 +245,7 @@ class Fields(unittest.TestCase):
         room()
         bpy.context.scene.render.use_multiview = True
         _, result = exported()
-        self.assertEqual(result.left_out, ["left out: stereoscopy: one view is written, that of the camera itself"])
+        self.assertEqual(result.left_out, ["left out: stereoscopy: only the camera's own view is written"])
 
     def test_normals_of_coats(self):
         def bumpy(node, name, height):
@@ -358,7 +358,7 @@ class Fields(unittest.TestCase):
         scene, result = exported()
         self.assertEqual(scene["materials"]["Rock"]["type"], "dielectric")
         self.assertEqual(result.left_out, [])
-        self.assertIn("stands in for caustics", str(result.notes))
+        self.assertIn("caustics are rendered here", str(result.notes))
 
     def test_half_metals_that_lose_light_are_mixed(self):
         node = room(Metallic=0.25)
@@ -479,7 +479,7 @@ class Fields(unittest.TestCase):
         tree, output = self.volume("ShaderNodeVolumeAbsorption")
         scene, result = exported()
         self.assertEqual((result.left_out, "media" in scene), ([], False))
-        self.assertIn("is not seen: its surface lets no light in", "".join(result.notes))
+        self.assertIn("is not visible: its surface is opaque", "".join(result.notes))
         tree.links.new(tree.nodes.new("ShaderNodeBsdfTranslucent").outputs[0], output.inputs["Surface"])
         _, result = exported()
         self.assertEqual(len(result.left_out), 1)

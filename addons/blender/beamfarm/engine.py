@@ -60,7 +60,7 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         except Exception as error:
             # Otherwise Blender would show an empty picture and print only to the console.
             traceback.print_exc()
-            self.report({"ERROR"}, f"A fault of the add-on, see the console: {type(error).__name__}: {error}")
+            self.report({"ERROR"}, f"Error in the add-on, see the console: {type(error).__name__}: {error}")
 
     def _render(self, depsgraph: bpy.types.Depsgraph, folder: Path) -> None:
         # As it is in this frame: settings can be animated.
@@ -69,9 +69,9 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         path = settings.path()
         ends = frame.ends(scene.beamfarm)
         if not ends:
-            raise Failed("The render would never end: give passes, time or error in Render Properties > Sampling")
+            raise Failed("The render would never end: set passes, time or error in Render Properties > Sampling")
         if settings.use_farm and not settings.token:
-            raise Failed("Other machines may only work with a token: set one in Preferences > Add-ons > beamfarm")
+            raise Failed("Other machines need a token: set one in Preferences > Add-ons > beamfarm")
         if scene.render.use_multiview:
             raise Failed("Stereoscopy is not rendered: turn it off in Output Properties")
         self.update_stats("", "Writing the scene")
@@ -101,8 +101,8 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
             break
         if not picture.passes:
             if not output.is_file():
-                raise Failed("No pass was complete in the time: give more time")
-            self.report({"WARNING"}, "No pass was complete in the time, and the picture is a coarse one: give more time")
+                raise Failed("No pass was completed in the time: allow more time")
+            self.report({"WARNING"}, "No pass was completed in the time; this is a coarse picture: allow more time")
         self.update_progress(1.0)
 
     def _run(self, line: list[str], picture: Picture, path: Path, sketch: Path) -> tuple[job.Job, int | None]:
@@ -263,7 +263,7 @@ class Picture:
         width, height = self.size
         colour = [channels.get(name) for name in passes.COMBINED]
         if any(channel is None or channel.shape != (height, width) for channel in colour):
-            raise Failed(f"The picture is not one of {width} x {height} pixels")
+            raise Failed(f"The picture does not have {width} x {height} pixels")
         alpha = channels.get(passes.ALPHA)
         alpha = np.ones((height, width), np.float32) if alpha is None else alpha
         # A group without lights has no layer and contributes nothing.

@@ -7,10 +7,10 @@ AS_PREFERRED = "PREFERENCES"
 
 ITEMS = (
     (CPU, "Processors", "All cores of this machine"),
-    (GPU, "GPU", "A device by Vulkan, where there is one and the scene is for devices: or else processors, and a warning"),
-    (AUTO, "Automatic", "Final renders measure which is better; the viewport takes the GPU where it can"),
+    (GPU, "GPU", "A Vulkan device, if there is one and it can render the scene; otherwise processors, with a warning"),
+    (AUTO, "Automatic", "Final renders measure which is better; the viewport uses the GPU if it can"),
 )
-ITEMS_OF_SCENES = ((AS_PREFERRED, "As in Preferences", "What is set for this machine"), *ITEMS)
+ITEMS_OF_SCENES = ((AS_PREFERRED, "As in Preferences", "The setting for this machine"), *ITEMS)
 
 # Exit codes with which the command refuses a request before the first pass.
 _REFUSALS = (1, 2)
@@ -40,4 +40,4 @@ def is_refusal(code: int | None) -> bool:
 def instead(words: str) -> str:
     """One line for the user: that processors render, and why."""
     lines = [line.strip() for line in words.splitlines() if line.strip()]
-    return f"On processors: {' '.join(lines[:2]) or 'the GPU is not to be had'}"
+    return f"On processors: {' '.join(lines[:2]) or 'the GPU is not available'}"

@@ -135,7 +135,7 @@ def _unpacked(packed: bytes, size: int) -> np.ndarray:
     # One byte more than allowed: anything larger is not unpacked further.
     raw = np.frombuffer(zlib.decompressobj().decompress(packed, size + 1), np.uint8)
     if len(raw) != size:
-        raise ExrError(f"a block that has not the {size} bytes that it claims")
+        raise ExrError(f"a block without the {size} bytes that it claims")
     # Each byte is the previous one plus this one minus 128, modulo 256; the first one is itself.
     steps = raw + np.uint8(128)
     steps[0] = raw[0]

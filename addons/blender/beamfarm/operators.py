@@ -24,7 +24,7 @@ class BEAMFARM_OT_export(bpy.types.Operator):
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
     all_frames: BoolProperty(
         name="All Frames",
-        description="One scene of all frames from the first to the last, not of this one alone",
+        description="Export one scene with all frames from the first to the last instead of the current frame alone",
     )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:

@@ -91,7 +91,7 @@ class BEAMFARM_RENDER_PT_sampling(_Panel, bpy.types.Panel):
         column.prop(settings, "time_limit")
         column.prop(settings, "target_error")
         if not (settings.passes or settings.time_limit or settings.target_error):
-            layout.label(text="Never ends: give passes, time or error", icon="ERROR")
+            layout.label(text="Never ends: set passes, time or error", icon="ERROR")
         layout.prop(settings, "viewport_passes", text="Viewport")
         layout.prop(settings, "seed")
 

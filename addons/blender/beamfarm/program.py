@@ -22,7 +22,7 @@ MADE_FOR = (0, 2)
 
 NAME = "beamfarm.exe" if os.name == "nt" else "beamfarm"
 
-WAY_OUT = "Set its path in Preferences > Add-ons > beamfarm, or put it into a folder of PATH"
+WAY_OUT = "Set its path in Preferences > Add-ons > beamfarm, or put it into a folder on PATH"
 
 # By path, modification time and size: versions, so that a still frame does not start the program twice, and copies.
 _Key = tuple[str, float, int]
@@ -156,7 +156,7 @@ def _ask(path: Path) -> str:
     # The version of its passes' bits is printed below.
     said = re.match(r"beamfarm (\d+\.\d+\.\d+\S*)\s", done.stdout)
     if said is None:
-        raise ProgramError(f"{path} is not beamfarm: it does not tell its version. {WAY_OUT}")
+        raise ProgramError(f"{path} is not beamfarm: it does not print its version. {WAY_OUT}")
     return said.group(1)
 
 

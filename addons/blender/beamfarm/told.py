@@ -17,7 +17,7 @@ class Told:
         lines = [f"What beamfarm's picture of the scene {scene} lacks:", ""]
         lines += self.left_out or ["Nothing."]
         if self.notes:
-            lines += ["", "What is there in another form:", "", *self.notes]
+            lines += ["", "What it shows in another form:", "", *self.notes]
         return "\n".join(lines) + "\n"
 
 

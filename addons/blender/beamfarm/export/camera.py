@@ -20,7 +20,7 @@ def camera_table(context):
     if camera is None or camera.type != "CAMERA":
         raise NoCamera("the scene has no camera")
     if context.scene.render.use_multiview:
-        context.report.leave_out("stereoscopy: one view is written, that of the camera itself")
+        context.report.leave_out("stereoscopy: only the camera's own view is written")
     return _from_object(camera.evaluated_get(context.depsgraph), context)
 
 
@@ -65,7 +65,7 @@ def _shift(shift, axis, settings):
 def _from_object(camera, context):
     data, settings = camera.data, context.settings
     if data.type not in ("PERSP", "ORTHO", "PANO"):
-        raise NoCamera(f"camera '{camera.name}' is of the kind {data.type.lower()}: take a perspective one")
+        raise NoCamera(f"camera '{camera.name}' is of the kind {data.type.lower()}: use a perspective one")
     if data.sensor_fit == "AUTO":
         axis, sensor = ("x" if settings.width >= settings.height else "y"), data.sensor_width
     elif data.sensor_fit == "HORIZONTAL":
@@ -86,7 +86,7 @@ def _from_object(camera, context):
             context.report.note(f"camera '{camera.name}': its aperture is round")
     # Only if they differ from the values of new cameras.
     if data.clip_start > 0.1001 or data.clip_end < 99.9:
-        context.report.note(f"camera '{camera.name}': nothing is clipped, be it near or far")
+        context.report.note(f"camera '{camera.name}': nothing is clipped, near or far")
     return table | _shift((data.shift_x, data.shift_y), axis, settings)
 
 
@@ -101,7 +101,7 @@ def _panorama(camera, axis, sensor, context):
     if own.panorama_type == "EQUIRECTANGULAR":
         across, up = own.longitude_max - own.longitude_min, own.latitude_max - own.latitude_min
         if not (0.0 < across <= math.tau * 1.0001 and 0.0 < up <= math.pi * 1.0001):
-            raise NoCamera(f"camera '{camera.name}' has longitudes or latitudes that are no part of a sphere")
+            raise NoCamera(f"camera '{camera.name}' has longitudes or latitudes that are not on the sphere")
         x = 0.5 * (own.longitude_min + own.longitude_max) / across
         y = -0.5 * (own.latitude_min + own.latitude_max) / up
         table = {
@@ -114,14 +114,14 @@ def _panorama(camera, axis, sensor, context):
     if own.panorama_type == "FISHEYE_EQUIDISTANT":
         angle = min(math.degrees(own.fisheye_fov), 360.0)
         if angle < math.degrees(own.fisheye_fov) * 0.999:
-            report.leave_out(f"what camera '{camera.name}' sees twice, beyond 360 degrees")
+            report.leave_out(f"what camera '{camera.name}' sees a second time, beyond 360 degrees")
         # As wide as the picture, and as high.
         return {"projection": "fisheye", "fov": angle, "vertical_fov": angle}
     if own.panorama_type == "FISHEYE_EQUISOLID":
         half = sensor / (4.0 * own.fisheye_lens)
         if half > 1.0:
             raise NoCamera(f"camera '{camera.name}' has a sensor larger than the image of the whole sphere: "
-                           "take a longer lens")
+                           "use a longer lens")
         return {
             "projection": "fisheye",
             "mapping": "equisolid",
@@ -130,7 +130,7 @@ def _panorama(camera, axis, sensor, context):
             "image_circle": min(math.degrees(own.fisheye_fov), 360.0),
         }
     kind = own.panorama_type.lower().replace("_", " ")
-    raise NoCamera(f"camera '{camera.name}' is a panoramic one ({kind}): take an equirectangular one, or a fisheye")
+    raise NoCamera(f"camera '{camera.name}' is panoramic ({kind}): use an equirectangular or fisheye one")
 
 
 def _focus(lens):

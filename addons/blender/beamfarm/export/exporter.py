@@ -101,7 +101,7 @@ class Exporter:
             self._slots, self._geometries = {}, {}
             context, tables = read()
             for why in bakes.failed.values():
-                context.report.note(f"what no node says was not baked: {why}")
+                context.report.note(f"nodes without an equivalent were not baked: {why}")
         _say_of_scene(context, go_to is not None)
         path = self.folder / "scene.toml"
         partial = path.with_name("scene.toml.part")
@@ -213,9 +213,9 @@ def _add_object(placed, shapes, context):
 def _say_of_object(object, context):
     report = context.report
     if object.is_holdout:
-        report.leave_out(f"the holdout '{object.name}': it is shown as it is")
+        report.leave_out(f"the holdout '{object.name}': it is shown as an ordinary object")
     if object.is_shadow_catcher:
-        report.leave_out(f"the shadow catcher '{object.name}': it is shown as it is")
+        report.leave_out(f"the shadow catcher '{object.name}': it is shown as an ordinary object")
     for modifier in object.modifiers:
         if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
             if modifier.domain_settings.domain_type == "GAS" and has_gas(modifier.domain_settings):
@@ -234,23 +234,23 @@ def _say_of_scene(context, has_times):
     scene, report = context.scene, context.report
     if scene.render.use_motion_blur:
         if not has_times:
-            report.note("motion blur is for renders alone, as with Cycles: not for the viewport")
+            report.note("motion blur is only in renders, as in Cycles, not in the viewport")
         elif getattr(getattr(scene, "cycles", None), "rolling_shutter_type", "NONE") != "NONE":
-            report.leave_out("the rolling shutter: it opens for all of the picture at once")
+            report.leave_out("the rolling shutter: the whole picture is exposed at once")
         if any(point.location[1] < 0.999 for point in scene.render.motion_blur_shutter_curve.curves[0].points):
-            report.leave_out("the shutter's curve: it is wide open all the time")
+            report.leave_out("the shutter's curve: it is fully open all the time")
     if scene.render.use_freestyle and context.depsgraph.view_layer_eval.use_freestyle:
         report.leave_out("the lines of Freestyle")
     exposure = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
     if exposure != 1.0:
         report.leave_out(f"the exposure of Cycles' film, {exposure:.3g}: set Color Management > Exposure")
     if scene.render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
-        report.leave_out("the transparent glass of the film: alpha counts glass in")
+        report.leave_out("the transparent glass of the film: alpha includes glass")
     layers = [context.depsgraph.view_layer_eval.layer_collection]
     while layers:
         layer = layers.pop()
         if layer.holdout:
-            report.leave_out(f"the holdout of collection '{layer.name}': it is shown as it is")
+            report.leave_out(f"the holdout of collection '{layer.name}': it is shown as an ordinary object")
         if layer.indirect_only:
-            report.leave_out(f"'indirect only' of collection '{layer.name}': it is shown as it is")
+            report.leave_out(f"'indirect only' of collection '{layer.name}': it is shown as an ordinary object")
         layers.extend(layer.children)

@@ -24,7 +24,7 @@ def add_falloff(placed, light, table, context, half_angle=math.pi):
     if not light.use_soft_falloff:
         if nearest <= radius:
             context.report.leave_out(
-                f"the light of '{light.name}' on what is nearer to it than its radius of {radius:.3g}")
+                f"the light of '{light.name}' on what is within its radius of {radius:.3g}")
     elif 1.0 / (1.0 + (radius / nearest) ** 2) < ALMOST_ALL:
         table["soft_falloff"] = True
     else:

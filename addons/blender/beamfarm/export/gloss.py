@@ -45,7 +45,7 @@ def constant_of(reader, place, value, what, otherwise):
         return value.number()
     if value.special is None:
         mean = float(value.data.mean())
-        reader.context.report.note(f"{reader.owner}: {what} of '{place.node.name}' by texture counts by its mean")
+        reader.context.report.note(f"{reader.owner}: {what} of '{place.node.name}' from a texture: its mean is used")
         return mean
     reader.lack(place.node, f"{what} by texture")
     return otherwise

@@ -18,7 +18,7 @@ def hair(reader, place):
     for name in ("Random Color", "Random Roughness"):
         value = reader.get(place, name)
         if value is not None and not (value.is_constant and value.number() == 0.0):
-            note(f"{reader.owner}: '{name}' of '{node.name}' does not count: all strands are alike")
+            note(f"{reader.owner}: '{name}' of '{node.name}' is ignored: all strands are alike")
     rough, radial = (_number(reader, place, name, 0.3) for name in ("Roughness", "Radial Roughness"))
     fields = {
         "type": "hair",

@@ -70,7 +70,7 @@ class Interiors:
             exterior = medium_name(self.context, outside, f"around {placed.name}")
         if medium.is_shaded() or shaded is not None:
             if outside is not None or around:
-                report.note(f"the volume of '{name}': what is around it is not in it")
+                report.note(f"the volume of '{name}': the volumes around it are not added in it")
             inside = medium
         else:
             inside = sum_of(outside, medium)
@@ -81,7 +81,7 @@ class Interiors:
         if around:
             fields["exterior"] = exterior
         if not group.geometry.is_closed():
-            report.note(f"the volume of '{name}', whose mesh is not closed: light is in it once it crossed the mesh")
+            report.note(f"the volume of '{name}', whose mesh is not closed: light is inside once it has crossed it")
             fields["open"] = True
         return fields
 

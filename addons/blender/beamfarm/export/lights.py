@@ -46,7 +46,7 @@ def add_light(placed, context):
         context.without_shadows.append(name)
     for factor, what in (("diffuse_factor", "diffuse"), ("specular_factor", "specular"), ("volume_factor", "volume")):
         if getattr(light, factor, 1.0) != 1.0:
-            context.report.note(f"light '{light.name}': its {what} factor does not count, as in Cycles")
+            context.report.note(f"light '{light.name}': its {what} factor is ignored, as in Cycles")
     if ies is not None:
         if light.type not in ("POINT", "SPOT"):
             context.report.leave_out(f"the IES file of light '{light.name}': {light.type.lower()} lights have none")
@@ -69,7 +69,7 @@ def _color(light, context):
         factors, ies = _from_nodes(light, context)
         color = [a * b for a, b in zip(color, factors)]
     if min(color) < 0.0:
-        context.report.leave_out(f"what light '{light.name}' takes away: its strength is below 0")
+        context.report.leave_out(f"light '{light.name}', whose strength is below 0")
     return [max(number, 0.0) for number in color], ies
 
 
@@ -83,7 +83,7 @@ class LightReader(Reader):
         if place.socket.name != "Quadratic":
             raise NotShown(f"a falloff that is {place.socket.name.lower()}")
         if not smooth.is_constant or smooth.number() != 0.0:
-            self.context.report.note(f"{self.owner}: its smooth falloff does not count: brighter close to it")
+            self.context.report.note(f"{self.owner}: its smooth falloff is ignored: it is brighter close by")
         return self.get(place, "Strength")
 
 
@@ -104,7 +104,7 @@ def _from_nodes(light, context):
         color, strength = reader.get(found, "Color"), reader.get(table, "Strength")
         ies = _ies(table.node, owner, context)
         if table.node.inputs["Vector"].is_linked:
-            context.report.leave_out(f"the vector of the IES texture of {owner}: it lies as the light does")
+            context.report.leave_out(f"the vector of the IES texture of {owner}: it follows the light's orientation")
     else:
         color, strength, ies = reader.get(found, "Color"), reader.get(found, "Strength"), None
     for value, name in ((color, "color"), (strength, "strength")):
@@ -239,7 +239,7 @@ def _sun(placed, light, color, fields, context):
     if not _is_normalized(light) and light.angle > 0.0:
         color = [number * math.pi * math.sin(light.angle / 2.0) ** 2 for number in color]
     if context.world_medium is not None:
-        context.report.leave_out(f"light '{light.name}': no light of a sun gets through a world full of a medium")
+        context.report.leave_out(f"light '{light.name}': no sunlight gets through a world filled with a medium")
         return
     context.add_light(placed, fields | {
         "type": "directional",

@@ -10,8 +10,8 @@ def add_rules(context):
     there = {table["name"] for table in (*context.shapes, *context.lights)}
     bare = [name for name in context.without_shadows if name in there]
     if bare:
-        context.report.note("lights without shadows have none on what they light straight; there are shadows in media "
-                            "and in what other objects send on of their light")
+        context.report.note("lights without shadows cast none in direct light; they do in media and in light that "
+                            "other objects reflect or transmit")
         context.rules.append({"on": bare, "rays": ["shadow"], "exclude": ["all"]})
     seen = set()
     for object in sorted((object for object in context.depsgraph.objects), key=lambda object: object.name):
@@ -32,7 +32,7 @@ def _receivers(context, lights, collection):
     rays = ["shadow", "photon"]
     included, excluded = members(context, collection)
     context.report.note(f"light linking of {' and '.join(repr(name) for name in lights)}: what it does not light gets "
-                        "none of its light by way of other objects either")
+                        "none of its light from other objects either")
     if included is not None:
         # The world's medium and everything not named get no light from it.
         context.rules.append({"on": ["all"], "except": included, "rays": rays, "exclude": lights} if included

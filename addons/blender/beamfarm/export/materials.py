@@ -165,7 +165,7 @@ class _Writer:
         if surface.displacement is not None and table["type"] != "null":
             displacement = self.displacement(surface.displacement)
         if len(self.uv_maps) > 1:
-            self.context.report.note(f"{self.owner}: all its textures take the UV map '{self.uv_maps[0] or 'active'}'")
+            self.context.report.note(f"{self.owner}: all its textures use the UV map '{self.uv_maps[0] or 'active'}'")
         found = Slot(self.name, table, emission, medium, extra=self.extra)
         found.uv_map = self.uv_maps[0] if self.uv_maps else ""
         if len(self.attributes) > 1:
@@ -178,9 +178,9 @@ class _Writer:
         found.grows = bool(surface.turned and surface.turned.get("grows")) and table["type"] != "null"
         if medium is not None and not found.is_boundary:
             if _is_opaque(found.table, found.extra):
-                self.context.report.note(f"the volume of {self.owner} is not seen: its surface lets no light in")
+                self.context.report.note(f"the volume of {self.owner} is not visible: its surface is opaque")
             else:
-                self.context.report.leave_out(f"the volume of {self.owner}, whose surface is no boundary of one")
+                self.context.report.leave_out(f"the volume of {self.owner}, whose surface cannot bound one")
             found.medium = None
         return found
 

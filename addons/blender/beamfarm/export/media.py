@@ -166,7 +166,7 @@ class VolumeReader(Reader):
         handler = VOLUMES.get(found.node.type)
         if handler is None:
             if found.node.type.startswith(SURFACES):
-                self.context.report.note(f"{self.owner}: '{found.node.name}' is nothing in a volume, as in Cycles")
+                self.context.report.note(f"{self.owner}: '{found.node.name}' has no effect in a volume, as in Cycles")
             else:
                 self.lack(found.node)
             return None
@@ -334,7 +334,7 @@ def _principled(reader, place):
         grid = name.socket.default_value
     glow, hot = reader.glow(place, "Emission Strength", "Emission Color"), _black_body(reader, place)
     if glow is not None and hot is not None:
-        reader.lack(place.node, "emission beside that of a black body, which counts")
+        reader.lack(place.node, "emission in addition to a black body's, which is used")
     absorbed = np.maximum(1.0 - color, 0.0) * np.maximum(1.0 - np.sqrt(dark), 0.0)
     lobes = ((_g(reader, place), 1.0),)
     sigmas = _tuple(absorbed * density), _tuple(color * density)
@@ -374,13 +374,13 @@ def _join(reader, place, a, b):
     if a is not None and b is not None and kinds[0] != kinds[1]:
         if any(b.sigma_a) or any(b.sigma_s):
             if any(a.sigma_a) or any(a.sigma_s):
-                reader.lack(place.node, "volumes of different densities or colours; the first counts")
+                reader.lack(place.node, "volumes of different densities or colours; the first is used")
                 return a
             # One of them only emits.
             a, b = b, a
         b = replace(b, grid=a.grid, grid_is_optional=a.grid_is_optional, texture=a.texture, albedo=a.albedo)
     if a is not None and b is not None and a.glow is not None and b.glow is not None and not _add_up(a.glow, b.glow):
-        reader.lack(place.node, "two kinds of emission; one counts")
+        reader.lack(place.node, "two kinds of emission; one is used")
     return sum_of(a, b)
 
 

@@ -113,7 +113,7 @@ class Merging:
         """Transforms of one of the instances at these times."""
         parts = [self.reads[time].part(key) for time in times]
         if self.span.is_long and any(part is None for part in parts):
-            self.report.note(f"{what}: copies are tiny where they are not there")
+            self.report.note(f"{what}: copies are tiny while they are absent")
             parts = [there if part else _tiny(there) for part, there in zip(parts, _filled(parts))]
         places = [part and {"transform": part["transform"]} for part in parts]
         if any(place is None for place in places):
@@ -121,7 +121,7 @@ class Merging:
             return [own] * len(times)
         signs = {Matrix(place["transform"][0]["matrix"]).to_3x3().determinant() > 0.0 for place in places}
         if len(signs) > 1:
-            self.report.note(f"{what}: a copy that is mirrored at some times stands still")
+            self.report.note(f"{what}: a copy that is mirrored at some times does not move")
             return [own] * len(times)
         return [place["transform"] for place in places]
 
@@ -141,14 +141,14 @@ class Merging:
             if self.span.is_long and field:
                 return stepped(finer, values, self.span.opens)
             when = "in the first frame" if self.span.is_long else "at the frame's own time"
-            self.report.note(f"{what}: how {field or 'it'} changes has nothing between: it is as {when}")
+            self.report.note(f"{what}: how {field or 'it'} changes cannot be interpolated: it is as {when}")
             return values[index]
 
         merged = over_time(finer, filled, otherwise)
         return own if merged == own else merged
 
     def _say_that_it_comes_or_goes(self, what):
-        self.report.note(f"{what} comes or goes while the shutter is open: it stands still")
+        self.report.note(f"{what} appears or disappears while the shutter is open: it does not move")
 
     def _deforming(self, what, source, times, table, inner):
         """Adds the files of a mesh whose vertices move."""
@@ -157,13 +157,13 @@ class Merging:
             return table
         files = self.context.files
         if deforming.has_other_polygons and not self.span.is_long:
-            self.report.note(f"{what} has other polygons at other times: its shape is not blurred")
+            self.report.note(f"{what} has polygons that change over time: its shape is not blurred")
             return table
         if not deforming.moves:
             return table
         if deforming.has_other_polygons:
             if self.span.opens != self.span.closes:
-                self.report.note(f"{what} has other polygons at other times: its shape is not blurred")
+                self.report.note(f"{what} has polygons that change over time: its shape is not blurred")
             paths = deforming.paths(files, source.variant, times, self.span.own)
             moved = {"file": stepped(times, paths, self.span.opens)}
         elif self.span.is_long:

@@ -107,7 +107,7 @@ def _opacity(factor, rest, a, b):
 
 def _one_turned(reader, a, b):
     if a.turned and b.turned and _shown(a.turned) != _shown(b.turned):
-        reader.context.report.note(f"{reader.owner}: of two bumps or normal maps in a mix the first counts")
+        reader.context.report.note(f"{reader.owner}: of two bumps or normal maps in a mix the first is used")
     return a.turned or b.turned
 
 
@@ -143,7 +143,7 @@ def added(reader, place, a, b):
             through = _before_nothing(reader, place, other)
             if through is not None:
                 return replace(through, emission=emission)
-    reader.lack(place.node, "a sum of two shaders that both scatter light; the first counts")
+    reader.lack(place.node, "a sum of two shaders that both scatter light; the first is used")
     return replace(a, emission=emission)
 
 
@@ -154,7 +154,7 @@ def _leaf(reader, a, b):
     if a.bsdf["type"] != "diffuse" or b.bsdf["type"] != "translucent":
         return None
     if "roughness" in a.bsdf:
-        reader.context.report.note(f"{reader.owner}: beside translucent shaders diffuse ones are Lambertian")
+        reader.context.report.note(f"{reader.owner}: diffuse shaders added to translucent ones are Lambertian")
     return b.bsdf | {"reflectance": a.bsdf["reflectance"]}
 
 
@@ -173,7 +173,7 @@ def _beneath(reader, place, a, b):
     if below["type"] in FLEECY:
         below = diffuse_sheen(reader, place, FLEECY[below["type"]], below["reflectance"], below["roughness"])
     elif "roughness" in below:
-        reader.context.report.note(f"{reader.owner}: what is added to its base is as rough as that")
+        reader.context.report.note(f"{reader.owner}: what is added to its base is as rough as the base")
     color = calculate(lambda a, b: np.clip(a + b, 0.0, 1.0), a.bsdf[field].as_color(), below["reflectance"].as_color())
     return a.bsdf | {field: color}
 
@@ -186,7 +186,7 @@ def _before_nothing(reader, place, shown):
     most = _most(color)
     if most <= 0.0 or most >= 1.0:
         return None
-    what = f"a sum that sends back up to {1.0 + most:.2f} of the light is dimmed to what arrives"
+    what = f"a sum that reflects up to {1.0 + most:.2f} of the light is dimmed to what arrives"
     if most > SLIGHT:
         reader.lack(place.node, what)
     else:
@@ -222,7 +222,7 @@ def _both(reader, place, a, b):
         reader.lack(place.node, f"{(a, b)[i]['type']} of {shares[i]:.2f} over what is as bright is dimmed to "
                                 f"{kept[i]:.2f}")
     elif total > 1.0 and (is_known or a["type"] != b["type"]):
-        reader.lack(place.node, f"a sum that sends back up to {total:.2f} of the light is dimmed to what arrives")
+        reader.lack(place.node, f"a sum that reflects up to {total:.2f} of the light is dimmed to what arrives")
     are_rough = ["roughness" in part for part in (a, b) if part["type"] == "diffuse"]
     if any(are_rough):
         reader.context.report.note(f"{reader.owner}: rough diffuse shaders of a sum are somewhat brighter")

@@ -42,9 +42,9 @@ class Moment:
         geometry = self.geometries.get(context.part(placed, "geometry"))
         if geometry is None:
             if self.span.is_long:
-                context.report.leave_out(f"'{placed.name}', where it is not there in the first frame")
+                context.report.leave_out(f"'{placed.name}', which is absent in the first frame")
             else:
-                context.report.note(f"'{placed.name}' is not there at the frame's own time: it is not seen in its blur")
+                context.report.note(f"'{placed.name}' is absent at the frame's own time: its blur lacks it")
             return None
         deforming = geometry.deforming
         if deforming is None or self.time in deforming.moves:

@@ -54,8 +54,8 @@ class Reader:
             elif found.node.mute:
                 value = default(socket)
             elif found.node.type == "SHADERTORGB":
-                self.context.report.note(f"{self.owner}: 'Shader to RGB' is EEVEE's alone; as in Cycles what it is "
-                                         "linked to has its own number")
+                self.context.report.note(f"{self.owner}: 'Shader to RGB' is for EEVEE only; as in Cycles, what it "
+                                         "is linked to uses its own value")
                 value = default(socket)
             else:
                 value = self.linked(found)
@@ -175,9 +175,9 @@ def picture(reader, place):
         raise NotShown(f"projection {node.projection.lower()}")
     wrap = {"REPEAT": "repeat", "MIRROR": "mirror", "EXTEND": "clamp", "CLIP": "clamp"}[node.extension]
     if node.extension == "CLIP":
-        reader.context.report.note(f"image '{image.name}' of {reader.owner}: goes on beyond its border, not clipped")
+        reader.context.report.note(f"image '{image.name}' of {reader.owner}: continues beyond its border, not clipped")
     if node.interpolation in ("Cubic", "Smart"):
-        reader.context.report.note(f"image '{image.name}' of {reader.owner}: interpolated linearly, not cubic")
+        reader.context.report.note(f"image '{image.name}' of {reader.owner}: interpolated linearly, not cubically")
     lookup = Lookup(filter="nearest" if node.interpolation == "Closest" else "bilinear", wrap=wrap)
     path = image.filepath_from_user(image_user=node.image_user)
     if place.socket.name == "Alpha":
@@ -378,7 +378,7 @@ def _head_on(reader, place):
     if reader.sees_surface:
         raise NotShown(place.socket.name)
     index = fresnel_index(reader, place)
-    reader.lack(place.node, f"{place.socket.name} counts as where one looks straight at the surface")
+    reader.lack(place.node, f"{place.socket.name} is taken as for a head-on view")
     return constant(0.0 if index is None else ((index - 1.0) / (index + 1.0)) ** 2)
 
 
@@ -389,7 +389,7 @@ def _light_path(reader, place):
         return constant(told)
     if name not in LIGHT_PATH or reader.sees_surface and name in ("Is Camera Ray", "Is Shadow Ray"):
         raise NotShown(name)
-    reader.lack(place.node, f"'{name}' counts for all rays as {reader.rays_of_path}")
+    reader.lack(place.node, f"'{name}' is taken for all rays as {reader.rays_of_path}")
     return constant(1.0 if name == reader.sees_path else 0.0)
 
 

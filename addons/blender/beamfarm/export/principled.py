@@ -70,8 +70,8 @@ def principled(reader, place):
             bsdf["multiple_scattering"] = False
         for name, is_there in (("coat", not _is_zero(coat)), ("specular tint", not is_white(tint))):
             if is_there:
-                reader.context.report.leave_out(f"{name} of node '{place.node.name}' of {reader.owner}, through "
-                                                "which light goes as well")
+                reader.context.report.leave_out(f"{name} of node '{place.node.name}' of {reader.owner}, "
+                                                "which also transmits light")
         bsdf |= film_over(reader, place) | _sheen(reader, place)
     else:
         bsdf |= _over(reader, place) | _sheen(reader, place)
@@ -102,8 +102,7 @@ def _reflection(normal):
 def _stretched(reader, place, lets_through):
     fields = tangents.of_principled(reader, place)
     if fields and lets_through:
-        reader.context.report.note(f"{reader.owner}: light that goes through is scattered by direction as well, "
-                                   "as what is reflected")
+        reader.context.report.note(f"{reader.owner}: transmitted light is anisotropic, too, like reflected light")
     return fields
 
 
@@ -115,7 +114,7 @@ def _subsurface(reader, place, surface):
         return None
     if not _is_zero(transmission):
         reader.context.report.leave_out(f"subsurface scattering of node '{place.node.name}' of {reader.owner}, "
-                                        "through which light goes as well")
+                                        "which also transmits light")
         return None
     root = min(max(normal, 0.0), 0.9) ** 0.5
     roughness = float(rough.number()) if rough.is_constant else 0.5

@@ -15,7 +15,7 @@ def color(value, context, owner, most=1.0):
         numbers = value.color()
         limited = [max(number if most is None else min(number, most), 0.0) for number in numbers]
         if limited != numbers:
-            context.report.note(f"a colour of {owner} lies below 0 or above {most or 'all bounds'}: cut off there")
+            context.report.note(f"a colour of {owner} is below 0 or above {most or 'all bounds'}: cut off there")
         return limited[0] if limited[0] == limited[1] == limited[2] else limited
     return texture(value, context, owner, most)
 

@@ -41,7 +41,7 @@ class ReliefReader(Reader):
             return None
         strength = self.get(place, "Strength")
         if value.special is not None:
-            raise NotShown("normals that are no image")
+            raise NotShown("normals that are not from an image")
         if node.uv_map and value.lookup.uv_map and node.uv_map != value.lookup.uv_map:
             raise NotShown("tangents of another UV map than the image's")
         if strength.is_constant and strength.number() == 1.0 and value.source is not None and not value.source.channel:

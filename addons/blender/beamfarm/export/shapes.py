@@ -40,7 +40,7 @@ class Shapes:
         """Takes a mesh object at its place. Returns why nothing of it is visible, or None if something is."""
         placed.matrix = solid(placed.matrix)
         if placed.matrix is None:
-            return "its scale makes a line or a point of it"
+            return "its scale makes it a line or a point"
         placed.edge = edge_of(placed.object, placed.matrix, self.context)
         data = placed.object.data
         placed.mesh = (placed.uid, data.original.session_uid, data.as_pointer(), placed.instancer)
@@ -167,8 +167,8 @@ class Shapes:
             return False
         if len(group.placed) <= MOST:
             return True
-        self.context.report.leave_out(f"coordinates of their own for the {len(group.placed)} copies of "
-                                      f"'{group.placed[0].name}': their textures take those of the first")
+        self.context.report.leave_out(f"separate coordinates for the {len(group.placed)} copies of "
+                                      f"'{group.placed[0].name}': their textures use those of the first")
         return False
 
     def _shines_inside(self, group, placed):

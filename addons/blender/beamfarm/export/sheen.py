@@ -44,7 +44,7 @@ def diffuse(reader, place, kind, color, rough):
     if not (color.is_constant and color.color() == [1.0, 1.0, 1.0]):
         value = calculate(lambda share, color: share * color, value, color)
     reader.context.report.note(f"{reader.owner}: the sheen of '{place.node.name}' is as bright as in Cycles under an "
-                               "even sky; of one lamp's light it sends back as much to all sides")
+                               "even sky; it reflects a single lamp's light equally to all sides")
     return {"type": "diffuse", "reflectance": value, "two_sided": True}
 
 

@@ -48,16 +48,16 @@ def _is_shown(object, system, context):
 def _add(placed, context, kind, material, read):
     placed.matrix = solid(placed.matrix)
     if placed.matrix is None:
-        return "its scale makes a line or a point of it"
+        return "its scale makes it a line or a point"
     override = context.depsgraph.view_layer_eval.material_override
     found = slot(context, override or material)
     found = found.pane or found
     if found.table["type"] == "null":
-        return "its material is nothing but a volume" if found.medium is not None else "nothing is to be seen of it"
+        return "its material is only a volume" if found.medium is not None else "nothing of it is visible"
     if _has_inside(found.table, found.extra):
-        return "its material is glass, which curves are not made of"
+        return "its material is glass, which curves cannot have"
     if found.attribute is not None:
-        return "its material takes attributes"
+        return "its material uses attributes"
     # At other times it is as at the first.
     key = (placed.uid, kind[1], kind, placed.instancer)
     if key not in context.geometries:

@@ -36,13 +36,13 @@ def beneath(reader, place, method, interface):
     except NotShown:
         radii = None
     if radii is None:
-        reader.lack(place.node, "subsurface radii by texture: the usual ones count")
+        reader.lack(place.node, "subsurface radii from a texture: the default ones are used")
         radii = np.array([1.0, 0.2, 0.1])
     g = _number(reader, place, _name(place, "Anisotropy"), 0.0)
     g = float(np.clip(g, 0.0, 0.99))
     if method == "BURLEY":
-        reader.context.report.note(f"{reader.owner}: subsurface scattering by Christensen and Burley's profile is a "
-                                   "walk in a medium")
+        reader.context.report.note(f"{reader.owner}: subsurface scattering with Christensen and Burley's profile is a "
+                                   "random walk in a medium")
     index, roughness = interface
     is_skin = method == "RANDOM_WALK_SKIN"
     if is_skin:

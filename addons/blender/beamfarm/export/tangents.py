@@ -72,5 +72,5 @@ def _tangent(reader, place):
             return {"tangent": AlongUv(node.uv_map)}
         return {"tangent": f"around_{node.axis.lower()}"}
     if (node.type, found.socket.name) != ("NEW_GEOMETRY", "Tangent"):
-        reader.lack(node, "as a tangent, which is around the z axis in its place")
+        reader.lack(node, "as a tangent; one around the z axis is used")
     return {"tangent": "around_z"}

@@ -40,7 +40,7 @@ def add_volume(placed, context):
         medium_grid = medium.grid
     by_grid = medium.glow is not None and {medium.glow.grid, medium.glow.temperature} & set(grids)
     if medium_grid is None and not by_grid:
-        report.leave_out(f"volume '{object.name}', whose material looks up no grid of its file")
+        report.leave_out(f"volume '{object.name}', whose material uses no grid of its file")
         return
     name = context.names.get(("object", placed.key), object.name)
     context.show(placed, name)

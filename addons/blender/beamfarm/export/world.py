@@ -60,7 +60,7 @@ class WorldReader(SurfaceReader):
         if place.node.type == "TEX_SKY":
             return replace(self.sky(place), lookup=Lookup(self._directions(place.input("Vector"))))
         if place.node.type in ("TEX_IMAGE", "TEX_CHECKER"):
-            raise NotShown("an image that is not laid around the world")
+            raise NotShown("an image that is not projected around the world")
         return super()._of(place)
 
     def surface(self, place):
@@ -95,7 +95,7 @@ class WorldReader(SurfaceReader):
             baked = self._baked(place)
             if baked is not None:
                 return replace(baked, load=lambda: with_sun(baked.data, found))
-            self.lack(place.node, "what the air scatters more than once is not in it")
+            self.lack(place.node, "light that the air scatters more than once is missing")
         return Value(lambda: picture(found), 3, Lookup(), name="sky")
 
     def _directions(self, place):
@@ -136,7 +136,7 @@ class WorldReader(SurfaceReader):
         if any(value is not None and not value.is_constant for value in values.values()):
             raise NotShown("a rotation by texture")
         if any(values["Center"].color()):
-            raise NotShown("a rotation around another place than the middle")
+            raise NotShown("a rotation around a point other than the centre")
         if node.rotation_type == "EULER_XYZ":
             turn = Euler(values["Rotation"].color()).to_matrix()
         else:
@@ -215,7 +215,7 @@ def _medium(context, world, owner):
         context.report.leave_out(f"the volume of {owner}, whose density is a texture")
         medium = None
     if medium is not None and medium.glow is not None:
-        context.report.leave_out(f"what the volume of {owner} emits: it has no end")
+        context.report.leave_out(f"what the volume of {owner} emits, which has no end")
         medium = replace(medium, glow=None)
     return medium
 

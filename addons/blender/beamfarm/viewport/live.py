@@ -208,7 +208,7 @@ class Live:
             try:
                 self._hear(message)
             except (ValueError, KeyError, TypeError, struct.error) as error:
-                self._be_in_trouble(f"beamfarm live says what is not understood: {error}")
+                self._be_in_trouble(f"beamfarm live sent what is not understood: {error}")
 
     def _hear(self, message: str | bytearray) -> None:
         if isinstance(message, bytearray):

@@ -66,7 +66,7 @@ class WebSocket:
         named = dict(field.lower().split(": ", 1) for field in fields if ": " in field)
         accept = base64.b64encode(hashlib.sha1((key + _GUID).encode()).digest()).decode()
         if named.get("sec-websocket-accept") != accept.lower():
-            raise Closed("the answer is to somebody else")
+            raise Closed("the answer is not to this request")
 
     def send(self, text: str) -> None:
         """Sends a text message."""

@@ -24,7 +24,7 @@ class BeamfarmPreferences(bpy.types.AddonPreferences):
     )
     workers: IntProperty(
         name="Workers",
-        description="Worker processes on this machine; 0: one per core up to four cores, then one per four cores",
+        description="Worker processes on this machine; 0: one up to four cores, then about one per four cores",
         min=0,
         soft_max=64,
         max=1024,

@@ -10,7 +10,8 @@
 //!
 //! A frame's error is its difference from the clean frame. The program prints the error's root mean square as a share
 //! of the mean, and the root mean square of its change from frame to frame as a share of what independent errors would
-//! give: 0 is noise that stands still, 1 is new noise in every frame. Both are too large by the clean frames' own error.
+//! give: 0 is noise that stands still, 1 is new noise in every frame. Both are too large by the clean frames' own
+//! error.
 
 use beamfarm_image::exr::read_rgb;
 use beamfarm_image::film::Film;

@@ -100,8 +100,8 @@ impl Suite {
         );
     }
 
-    /// Adds z-tests of two pictures of the same scene: every channel of every block and of the whole. Means may differ by
-    /// a share of the second's.
+    /// Adds z-tests of two pictures of the same scene: every channel of every block and of the whole. Means may differ
+    /// by a share of the second's.
     ///
     /// # Panics
     /// If the pictures have different numbers of blocks, or are black.

@@ -1,9 +1,9 @@
-//! What this machine has not is not tested: such tests are ignored, and said to be.
+//! Ignores the tests that need something this machine lacks, and says so.
 
 use std::env::{split_paths, var_os};
 use std::path::PathBuf;
 
-/// Usual names of the browser of the test in `tests/farm/browser.rs`.
+/// Usual names of the browser for the test in `tests/farm/browser.rs`.
 const CHROMIUM: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
 fn main() {
@@ -23,7 +23,7 @@ fn main() {
             println!("cargo::rerun-if-changed={}", program.display());
             println!("cargo::rustc-cfg=has_chromium");
         }
-        // One that is installed later changes its folder.
+        // Installing one later changes the folder.
         None => {
             for folder in folders.iter().filter(|folder| folder.is_dir()) {
                 println!("cargo::rerun-if-changed={}", folder.display());

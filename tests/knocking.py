@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""What a farm's far worker gets done while others knock: `python3 tests/knocking.py target/release/beamfarm`.
+"""What a farm's distant worker gets done while others knock: `python3 tests/knocking.py target/release/beamfarm`.
 
 A worker whose answers take 0.15 s renders for 20 s: undisturbed, while 2,000 connections a second come from another
-address and say nothing, and while they come from its own. Prints the passes of each. Linux: addresses of 127.0.0.0/8.
+address and send nothing, and while they come from its own address. Prints the passes of each. Linux: addresses of
+127.0.0.0/8.
 """
 
 import asyncio
@@ -33,7 +34,7 @@ lights = [{ type = "point", position = [0.5, 2, 0.5], power = 100 }]
 
 
 def knock(source: str, port: int, end: threading.Event) -> int:
-    """Open connections, and hold them, until told to end; how many."""
+    """Opens connections and holds them until told to end; returns how many."""
     begun, held, count = time.monotonic(), [], 0
     while not end.is_set():
         while count < (time.monotonic() - begun) * RATE:
@@ -50,7 +51,7 @@ def knock(source: str, port: int, end: threading.Event) -> int:
 
 
 async def carry(reader, writer) -> None:
-    """Bytes from one to the other, each later by the delay."""
+    """Passes bytes from one to the other, each after the delay."""
     queue: asyncio.Queue = asyncio.Queue()
 
     async def deliver() -> None:
@@ -89,7 +90,7 @@ async def long_way(port: int, told: list) -> None:
 
 
 def passes(program: str, folder: pathlib.Path, source: str | None) -> tuple[int, int]:
-    """Passes of the far worker, and how often somebody knocked."""
+    """Passes by the distant worker, and how many knocks there were."""
     (folder / "scene.toml").write_text(SCENE)
     (folder / "token").write_text(secrets.token_hex(32))
     serve = [program, "serve", "scene.toml", "--passes", "1000000", "--listen", "127.0.0.1:0", "--token-file", "token"]

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Makes the zip that Blender installs: `python package.py [--wheel WHEEL]… [OUT.zip]`.
 
-With the wheel of the Python package `beamfarm` in it, nothing else has to be installed. Such a zip is for the platform
-of its wheels, and named by it as `blender --command extension build --split-platforms` does.
+If it contains the wheel of the Python package `beamfarm`, nothing else has to be installed. Such a zip is for the
+platform of its wheels, and named after it as by `blender --command extension build --split-platforms`.
 
-The same files give the same bytes: names are sorted, and times are those of no day.
+The same files give the same bytes: names are sorted, and times are fixed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SOURCE = Path(__file__).resolve().parent / "beamfarm"
 MANIFEST = "blender_manifest.toml"
 ENDINGS = {".py", ".toml"}
 
-# Blender's names of systems and machines, by those of wheels.
+# Blender's names of systems and machines, by those in wheels' names.
 SYSTEMS = {"linux": "linux", "manylinux": "linux", "macosx": "macos", "win": "windows"}
 MACHINES = {
     "x86_64": ["x64"],
@@ -34,11 +34,11 @@ MACHINES = {
 
 
 class PackageError(Exception):
-    """No zip can be made of this."""
+    """No zip can be made from these files."""
 
 
 def platforms(wheel: str) -> list[str]:
-    """What Blender calls the platforms of a wheel of this name; none where it is for all."""
+    """Blender's names for the platforms of a wheel with this name; none if it is for all."""
     parts = wheel.removesuffix(".whl").split("-")
     if not wheel.endswith(".whl") or len(parts) not in (5, 6):
         raise PackageError(f"{wheel} is not named as wheels are: NAME-VERSION-PYTHON-ABI-PLATFORM.whl")
@@ -54,7 +54,7 @@ def platforms(wheel: str) -> list[str]:
 
 
 def common(wheels: Sequence[Path]) -> list[str]:
-    """The platforms of all of them."""
+    """The platforms that all wheels share."""
     found = [(wheel.name, names) for wheel in wheels if (names := platforms(wheel.name))]
     for name, names in found:
         if names != found[0][1]:
@@ -63,12 +63,12 @@ def common(wheels: Sequence[Path]) -> list[str]:
 
 
 def manifest(wheels: Sequence[Path] = ()) -> str:
-    """The manifest, with these wheels."""
+    """The manifest including these wheels."""
     text = (SOURCE / MANIFEST).read_text(encoding="utf-8")
     if not wheels:
         return text
     lines = [("wheels", [f"./wheels/{wheel.name}" for wheel in wheels]), ("platforms", common(wheels))]
-    # Strings of JSON are ones of TOML, and what is above the first table belongs to none.
+    # JSON strings are valid TOML strings, and fields above the first table belong to no table.
     added = "".join(f"{name} = {json.dumps(values)}\n" for name, values in lines if values)
     top, table, rest = text.partition("\n[")
     return top + added + table + rest
@@ -82,7 +82,7 @@ def name(wheels: Sequence[Path] = ()) -> str:
 
 
 def build(out: Path, wheels: Sequence[Path] = ()) -> Path:
-    """Write the zip."""
+    """Writes the zip."""
     wheels = sorted(wheels, key=lambda wheel: wheel.name)
     files = [path for path in SOURCE.rglob("*") if path.suffix in ENDINGS and "__pycache__" not in path.parts]
     parts = {path.relative_to(SOURCE).as_posix(): path for path in files}

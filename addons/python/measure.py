@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Measures the package: python measure.py SCENE [--passes N] [--turns T]
 
-How long a million triangles and a million voxels take to become part of a scene, and how long `render` takes beside the
-command, in turns. The package has to be importable, and the machine should have nothing else to do.
+Measures how long a million triangles and a million voxels take to become part of a scene, and compares `render` with
+the command, in turns. The package has to be importable, and the machine should have nothing else to do.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def arrays() -> None:
-    """Arrays of a million, until the scene is decoded and found good."""
+    """Arrays of a million elements, until the scene is decoded and checked."""
     side = 708
     x, y = np.meshgrid(np.linspace(-1, 1, side), np.linspace(-1, 1, side), indexing="ij")
     vertices = np.stack([x, y, 0.1 * np.sin(5 * x)], axis=-1).reshape(-1, 3).astype(np.float32)
@@ -59,7 +59,7 @@ def arrays() -> None:
 
 
 def overhead(scene: Path, passes: int, turns: int) -> None:
-    """Time of `render` over that of the command, each in turn; both write an EXR and a PNG."""
+    """Time of `render` over that of the command, in turns; both write an EXR and a PNG."""
     ratios = []
     with tempfile.TemporaryDirectory() as folder:
         image = Path(folder) / "a.exr"

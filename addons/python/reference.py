@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Writes the second half of docs/python.md, all names of the package, from its docstrings: python reference.py [--check]
+"""Writes the second half of docs/python.md, the reference, from the package's docstrings: python reference.py [--check]
 
-The package has to be importable. With --check nothing is written, and it fails where the page is another one.
+The package has to be importable. With --check it writes nothing, and fails if the page differs.
 """
 
 from __future__ import annotations
@@ -63,12 +63,12 @@ def plain(text: str) -> str:
 
 
 def is_entry(lines: list[str], i: int) -> bool:
-    """A name whose description is indented below."""
+    """Whether this is a name whose description is indented below."""
     return i + 1 < len(lines) and lines[i + 1].startswith("    ")
 
 
 def signature(value: Any) -> str:
-    """As one would call it."""
+    """How it is called."""
     try:
         found = str(inspect.signature(value))
     except (TypeError, ValueError):
@@ -78,7 +78,7 @@ def signature(value: Any) -> str:
 
 
 def members(value: type[Any]) -> list[str]:
-    """What of a class is its own and public."""
+    """A class's own public members."""
     lines = []
     source = inspect.getsource(value)
     for name, member in vars(value).items():
@@ -91,7 +91,7 @@ def members(value: type[Any]) -> list[str]:
             shown = signature(member).replace("(self, ", "(").replace("(self)", "()")
             call = {"__getitem__": "[index]", "__call__": shown}.get(name, f".{name}{shown}")
             lines.append(f"- `{call}`: {first(doc)}")
-    # Fields of records, whose texts stand below them.
+    # Fields of records, whose docstrings are below them.
     fields = getattr(value, "_fields", None) or (
         [field.name for field in dataclasses.fields(value)] if dataclasses.is_dataclass(value) else []
     )

@@ -1,7 +1,7 @@
-"""Writes the images of the example scenes beside itself: `python3 make_images.py`; nothing but Python is needed.
+"""Writes the images of the example scenes into its own folder: `python3 make_images.py`. Needs only Python.
 
-sky.png, a clear evening sky in latitude and longitude, its bottom half ground; three paintings of colours and shapes;
-slit-upright.png, white, twenty times as tall as it is wide.
+sky.png, a clear evening sky in latitude and longitude whose bottom half is ground; three paintings of colours and
+shapes; slit-upright.png, white, twenty times as tall as it is wide.
 """
 import math
 import pathlib
@@ -13,7 +13,8 @@ FOLDER = pathlib.Path(__file__).resolve().parent
 
 
 def write(name, width, height, colour):
-    """An sRGB PNG of `colour(x, y)`: linear, from 0 to 1, of the middles of pixels; y from 0 at the top to 1."""
+    """Writes an sRGB PNG of `colour(x, y)`: linear, from 0 to 1, at pixel centres; y is 0 at the top and 1 at the
+    bottom."""
 
     def byte(value):
         value = min(max(value, 0.0), 1.0)
@@ -21,7 +22,7 @@ def write(name, width, height, colour):
 
     rows = b""
     for row in range(height):
-        # Every pixel by its difference from the one to the left.
+        # Every pixel as its difference from the one to the left.
         pixels = [[byte(c) for c in colour((column + 0.5) / width, (row + 0.5) / height)] for column in range(width)]
         left = [[0, 0, 0], *pixels[:-1]]
         rows += b"\x01" + bytes((a - b) % 256 for p, q in zip(pixels, left) for a, b in zip(p, q))
@@ -40,7 +41,7 @@ def mix(a, b, t):
 
 
 def sky(x, y):
-    """The sun, which is not in it, stands at x = 0.75: there, and near the horizon, it is lighter and warmer."""
+    """Lighter and warmer near the horizon and near the sun, which stands at x = 0.75 but is not in the image."""
     elevation = 90 * (1 - 2 * y)
     if elevation < -8:
         return [0.10, 0.11, 0.08]

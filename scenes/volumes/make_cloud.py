@@ -1,6 +1,7 @@
-"""Writes cloud.vdb with OpenVDB's Python module: `apt-get install python3-openvdb`, then `/usr/bin/python3 make_cloud.py`.
+"""Writes cloud.vdb with OpenVDB's Python module: `apt-get install python3-openvdb`, then `/usr/bin/python3
+make_cloud.py`.
 
-A cumulus: balls on a flat base, their edges eaten away by fractal noise. A fog volume named "density", values from 0 to 1,
+A cumulus: balls on a flat base, with edges eroded by fractal noise. A fog volume named "density", values from 0 to 1,
 saved as halves, voxels of 0.08 units, y up, the middle of the base at the origin.
 """
 import os
@@ -38,7 +39,7 @@ def fractal(shape, first, octaves):
 x, y, z = np.meshgrid(*[(np.arange(n) + 0.5) * VOXEL for n in SIZE], indexing="ij")
 x -= SIZE[0] * VOXEL / 2
 z -= SIZE[2] * VOXEL / 2
-# How deep inside the nearest ball, in its radii.
+# Depth inside the nearest ball, in its radii.
 inside = np.full(SIZE, -9.0)
 for cx, cy, cz, radius in [
     (-2.5, 0.7, 0.2, 1.05), (-1.3, 1.2, -0.3, 1.35), (0.1, 1.7, 0.2, 1.65), (1.4, 1.1, 0.3, 1.35),
@@ -56,7 +57,7 @@ grid.gridClass = vdb.GridClass.FOG_VOLUME
 grid.saveFloatAsHalf = True
 grid.copyFromArray(np.ascontiguousarray(density, dtype=np.float32))
 grid.prune()
-# The sample (0, 0, 0) is in the middle of the first voxel.
+# The sample (0, 0, 0) is at the centre of the first voxel.
 origin = (-SIZE[0] / 2 + 0.5, 0.5, -SIZE[2] / 2 + 0.5)
 grid.transform = vdb.createLinearTransform(voxelSize=VOXEL)
 grid.transform.translate([o * VOXEL for o in origin])

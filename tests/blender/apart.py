@@ -1,4 +1,4 @@
-"""Renders each .blend in a process of its own: a file that takes Blender down does not end the rest."""
+"""Renders each .blend in a separate process: a file that crashes Blender does not end the rest."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import survey
 
 
 def parser(description: str) -> argparse.ArgumentParser:
-    """Of a script that is called with files: what `each` needs, and room for more."""
+    """The parser for a script that takes files: the options that `each` needs, and room for more."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", type=Path, nargs="+", help="files, or folders")
     parser.add_argument("--keep", type=Path, help="folder for pictures and what was said of each file")
@@ -30,10 +30,10 @@ def each(
     options: list[str],
     patience: float,
 ) -> Iterator[tuple[str, dict]]:
-    """The name of each file, by the folder that they share, and what `render` says of it.
+    """The name of each file, relative to the folder that they share, and what `render` returns for it.
 
-    `script` is started again for each, with `options`; there it renders that file and does not return. A file that is
-    not done after `patience` seconds is given up.
+    `script` is started again for each, with `options`; there it renders that file and does not return. A file that
+    takes longer than `patience` seconds is given up.
     """
     if arguments.one is not None:
         try:
@@ -51,7 +51,7 @@ def each(
 
 
 def beside(keep: Path, ending: str) -> Path:
-    """A file of those of one .blend."""
+    """The path of an output for one .blend."""
     return keep.with_name(keep.name + ending)
 
 

@@ -1,4 +1,4 @@
-"""Renders what is in bpy's scene with Cycles and, exported, with beamfarm, and says how far apart the pictures are.
+"""Renders bpy's scene with Cycles and, exported, with beamfarm, and prints how far apart the pictures are.
 
 Used by the tests test_export_*.py. Printed for each scene: mean ratio beamfarm / Cycles by channel with its standard
 error, and the block of 8 x 8 pixels that is off by most.
@@ -24,18 +24,18 @@ from export import ExportSettings, write_scene  # noqa: E402
 
 BLOCK = 8
 RUNS = 4
-# What means may differ by where both renderers are right, before noise.
+# How far means may differ, apart from noise, where both renderers are right.
 TOLERANCE = 0.01
 
 
 def program():
-    """The command: BEAMFARM, or that of this checkout, or the one on PATH; None where there is none."""
+    """The command: BEAMFARM, or that of this checkout, or the one on PATH; None if there is none."""
     built = ROOT / "target" / "release" / "beamfarm"
     return os.environ.get("BEAMFARM") or (str(built) if built.exists() else shutil.which("beamfarm"))
 
 
 def knows(table, field):
-    """Whether scene files of the command have such a field, by its schema's name of the table."""
+    """Whether the command's scene files have this field; `table` is the name in its schema."""
     if program() is None:
         return False
     done = subprocess.run([program(), "schema"], capture_output=True, text=True, check=True)
@@ -43,7 +43,7 @@ def knows(table, field):
 
 
 def reads(table):
-    """Whether scene files of the command may have such a table."""
+    """Whether the command's scene files may have this table."""
     if program() is None:
         return False
     done = subprocess.run([program(), "schema"], capture_output=True, text=True, check=True)
@@ -116,7 +116,7 @@ def use_cycles(width=64, height=48, samples=256):
 
 
 def with_cycles(folder, runs=RUNS, times=None):
-    """`times`: where it blurs no motion, the mean of stills at these."""
+    """`times`: where Cycles blurs no motion, the result is the mean of stills at these times."""
     scene = bpy.context.scene
     images = []
     for _ in range(runs):
@@ -142,7 +142,7 @@ def _of_cycles(folder, seed):
 
 @dataclass
 class Exported:
-    """What an export wrote and said."""
+    """The files and messages of an export."""
 
     scene: pathlib.Path
     text: str
@@ -151,7 +151,7 @@ class Exported:
 
 
 def go_to(time):
-    """Takes bpy's scene to a time, frames."""
+    """Sets the time of bpy's scene, frames."""
     whole = math.floor(time)
     bpy.context.scene.frame_set(whole, subframe=time - whole)
 
@@ -199,10 +199,11 @@ class Comparison:
         return np.hypot(self.ours.whole_error, self.theirs.whole_error) / np.maximum(mean, 1e-30)
 
     def worst_block(self):
-        """Block and channel that is off by most of what is allowed: place, difference over the mean, share of allowed.
+        """The block and channel with the largest share of its allowance: place, difference over the mean, share of the
+        allowance.
 
-        Allowed are 5 standard errors (the largest of some hundreds), 4 % of the block and 2 % of the picture's mean:
-        within a block edges of shapes fall on other pixels, and beams are as wide as their radius.
+        The allowance is 5 standard errors (the largest of some hundreds), 4 % of the block and 2 % of the picture's
+        mean: within a block, edges of shapes fall on other pixels, and beams are as wide as their radius.
         """
         mean = np.maximum(self.theirs.mean.mean((0, 1)), 1e-30)
         allowed = 5.0 * np.hypot(self.ours.block_error, self.theirs.block_error)
@@ -221,7 +222,8 @@ class Comparison:
 
 
 def check(test, name, tolerance=TOLERANCE, blocks=1.0, **how):
-    """Fails `test` if the pictures differ by more than `tolerance` and 3 standard errors, or a block by its own."""
+    """Fails `test` if the pictures differ by more than `tolerance` and 3 standard errors, or a block by more than its
+    allowance."""
     found = compare(name, **how)
     allowed = tolerance + 3.0 * found.ratio_error
     test.assertTrue((np.abs(found.ratio - 1.0) <= allowed).all(), found.line())
@@ -230,7 +232,7 @@ def check(test, name, tolerance=TOLERANCE, blocks=1.0, **how):
 
 
 def compare(name, passes=16, arguments=(), keep=None, runs=RUNS, times=None):
-    """Renders the scene that bpy holds both ways; see `with_cycles`."""
+    """Renders bpy's scene both ways; see `with_cycles`."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = pathlib.Path(keep or temporary)
         folder.mkdir(parents=True, exist_ok=True)

@@ -2,14 +2,14 @@
 
     BEAMFARM=target/release/beamfarm PYTHON_WITH_BPY elsewhere.py FOLDER… [--keep OUT] [--width 320] [--time 20]
 
-Both are started as F12 starts them, at the file's own frame and camera; the file's compositor and sequencer do not
-count. Cycles gets many bounces, a box filter and no clamping, as `compare.use_cycles` has it. For each file: what the
-add-on left out and noted; the ratio of the means beamfarm / Cycles by channel, with its standard error; and how far
-blocks of 8 x 8 pixels are apart: the median and the 90th percentile of |beamfarm - Cycles| over the mean. OUT holds the
-pictures side by side, Cycles on the left, and on the right their difference: red where beamfarm has more, blue where
-Cycles has, white at the mean of Cycles' picture.
+Both render as F12 does, at the file's own frame and camera, without the file's compositor and sequencer. Cycles gets
+many bounces, a box filter and no clamping, as in `compare.use_cycles`. For each file it prints what the add-on left out
+and noted; the ratio of the means beamfarm / Cycles by channel, with its standard error; and how far blocks of 8 x 8
+pixels are apart: the median and the 90th percentile of |beamfarm - Cycles| over the mean. OUT holds the pictures side
+by side, Cycles on the left, and on the right their difference: red where beamfarm is brighter, blue where Cycles is,
+white at the mean of Cycles' picture.
 
-Errors are those of two independent pictures each. A file that takes Blender down does not end the rest.
+Errors come from two independent pictures each. A file that crashes Blender does not end the rest.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ RUNS = 2
 
 
 def render(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
-    """One file, in this process. Returns what there is to say of it."""
+    """Renders one file in this process. Returns what to print about it."""
     import harness
     import bpy
     import compare
@@ -78,7 +78,7 @@ def render(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
 
 
 def _picture(path: Path, theirs, ours) -> None:
-    """PNG of both and of their difference, at one exposure, for eyes."""
+    """A PNG of both and of their difference at one exposure, for inspection."""
     import bpy
     import numpy as np
 

@@ -2,17 +2,20 @@
 
     BEAMFARM=target/release/beamfarm PYTHON_WITH_BPY equal_time.py FILE… [--time 30] [--reference 120] [--keep OUT]
 
-All are started as F12 starts them, at the file's own frame and camera, on the CPU, one after the other; the file's
-compositor and sequencer do not count. Cycles renders by the file's own settings of bounces, clamping and caustics,
-without its denoiser, with as many samples as the time allows. The reference is Cycles as a plain path tracer
-(`compare.use_cycles`) in two halves of different seeds, or beamfarm with --ours: for what Cycles does not find.
+Everything renders as F12 does, at the file's own frame and camera, on the CPU, one after the other, without the file's
+compositor and sequencer. Cycles uses the file's own settings of bounces, clamping and caustics, no denoiser, and as
+many samples as the time allows. The reference is Cycles as a plain path tracer (`compare.use_cycles`) in two halves of
+different seeds, or with --ours beamfarm: for light that Cycles does not find.
 
-Of each: the ratio of its mean to the reference's, with the standard error of pixels that know nothing of each other;
-the mean over channels and pixels of (x - y)^2 / (y^2 + 0.01), as `beamfarm compare` has it; the same less what the
-reference's own noise adds to it, and without the 0.1 % of pixels that are brightest in the picture; of that error what
-is noise, by a second picture of another seed: the rest is what the two show differently, such as faces at one place,
-which are black in Cycles; the seconds that the first took in all. Of the reference that noise, as its halves tell it; and as variance goes by time, what a plain path tracer
-has in the same time as the others.
+Printed for each picture:
+- the ratio of its mean to the reference's, with the standard error for independent pixels;
+- the mean over channels and pixels of (x - y)^2 / (y^2 + 0.01), as in `beamfarm compare`;
+- the same less the reference's own noise, and without the picture's 0.1 % brightest pixels;
+- how much of that error is noise, from a second picture of another seed: the rest is what the two show differently,
+  such as coincident faces, which are black in Cycles;
+- the seconds that the first picture took in all.
+For the reference it prints the noise, from its halves, and, since variance falls with time, the noise of a plain path
+tracer in the same time as the others.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ BRIGHTEST = 1e-3
 
 
 def measured(picture, reference) -> dict:
-    """What there is to say of one picture beside the reference."""
+    """The figures for one picture against the reference."""
     import numpy as np
 
     errors = ((picture - reference) ** 2 / (reference**2 + 0.01)).mean(-1).ravel()
@@ -45,7 +48,7 @@ def measured(picture, reference) -> dict:
 
 
 def noise(picture, again, reference) -> float:
-    """The part of a picture's error that another seed changes."""
+    """The part of a picture's error that changes with the seed."""
     return float(((picture - again) ** 2 / (2.0 * (reference**2 + 0.01))).mean())
 
 

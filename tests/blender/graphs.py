@@ -1,7 +1,7 @@
-"""Texture graphs of scene files as Blender's nodes: the way back of what the add-on writes.
+"""Texture graphs of scene files as Blender's nodes: the inverse of what the add-on writes.
 
-`KINDS` says of each node of a scene file which of Blender's it is. With it graphs are built in Blender, to see what
-Cycles makes of them, and whether the add-on writes them as they were.
+`KINDS` maps each node of a scene file to one of Blender's. The tests use it to build graphs in Blender, to see how
+Cycles evaluates them and whether the add-on writes them unchanged.
 """
 
 import math
@@ -21,7 +21,7 @@ class Kind:
 
 
 def upper(*values, **others):
-    """Blender's words of option values that are the same in capitals, but for `others`."""
+    """Blender's words for option values: the same in capitals, except for `others`."""
     return {value: value.upper() for value in values} | others
 
 
@@ -188,14 +188,14 @@ KINDS = {
     "object_info": Kind("ObjectInfo", {}, {"location": "Location", "random": "Random", "index": "Object Index"}),
     "light_path": Kind("LightPath", {}, {"is_camera": "Is Camera Ray", "is_shadow": "Is Shadow Ray"}),
 }
-"""By kind. Those that are several of Blender's are in `_found`."""
+"""By kind. Those that correspond to several of Blender's are in `_found`."""
 
-# Of an option, and of inputs that are angles in degrees here.
+# Options and inputs that are angles in degrees here.
 ANGLES = {("mapping", "rotation"), ("vector_rotate", "angle"), ("vector_rotate", "rotation")}
 
 
 def _found(table):
-    """`Kind` of a table."""
+    """The `Kind` of a table."""
     if "attribute" in table:
         return Kind("Attribute", {}, {"vector": "Vector"}, change=_attribute)
     kind = table["node"]
@@ -225,7 +225,7 @@ def _attribute(node, _):
 
 
 def build(tree, table, textures=None):
-    """Makes the nodes of a graph, which may name `textures`. Returns the socket of its output."""
+    """Makes the nodes of a graph, which may refer to `textures`. Returns the socket of its output."""
     if "texture" in table:
         table = {**textures[table["texture"]], **{name: table[name] for name in table if name != "texture"}}
     kind = _found(table)

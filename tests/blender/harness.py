@@ -1,6 +1,7 @@
-"""Blender without a window, with the add-on installed from its zip as people install it.
+"""Blender without a window, with the add-on installed from its zip as users install it.
 
-Import this before anything else of Blender: preferences and extensions are those of an empty folder, not of the user.
+Import this before anything else of Blender: preferences and extensions are then those of an empty folder, not of the
+user.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ MODULE = "bl_ext.user_default.beamfarm"
 
 
 def install() -> None:
-    """Install the zip, and tell the add-on where the command is."""
+    """Installs the zip, and tells the add-on where the command is."""
     if MODULE not in bpy.context.preferences.addons:
         path = package.build(RESOURCES / "beamfarm.zip")
         bpy.ops.extensions.package_install_files(filepath=str(path), repo="user_default", enable_on_install=True)
@@ -37,22 +38,22 @@ def install() -> None:
 
 
 def preferences() -> bpy.types.AddonPreferences:
-    """Those of the add-on."""
+    """The add-on's preferences."""
     return bpy.context.preferences.addons[MODULE].preferences
 
 
 def module(name: str):
-    """A module of the add-on as it is installed."""
+    """A module of the installed add-on."""
     return sys.modules[f"{MODULE}.{name}"]
 
 
 def folder() -> Path:
-    """An empty folder that is gone at the end."""
+    """An empty folder that is removed at the end."""
     return Path(tempfile.mkdtemp(dir=RESOURCES))
 
 
 def lit_floor(size: tuple[int, int] = (64, 48)) -> bpy.types.Scene:
-    """A floor seen from above with a lamp over its upper left: no two corners of the picture are alike."""
+    """A floor seen from above with a lamp over its upper left, so that no two corners of the picture are alike."""
     install()
     bpy.ops.wm.read_homefile(use_empty=True)
     # Reading a file may read the preferences again.
@@ -83,7 +84,7 @@ def lit_floor(size: tuple[int, int] = (64, 48)) -> bpy.types.Scene:
 
 
 def command(*arguments: object) -> str:
-    """Run the command by itself. Returns what it says."""
+    """Runs the command itself. Returns its output."""
     line = [str(PROGRAM), *(str(argument) for argument in arguments)]
     done = subprocess.run(line, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -1,7 +1,7 @@
 """What Cycles makes of every node that texture graphs of scene files have: nodes.py OUT.json [THIN.json]
 
 Each case is a graph that reads points (`{ node = "coordinates", of = "attribute" }`), the points, and its values there.
-The second file is what the renderer's tests hold: nodes.json of Blender 5 and nodes-4.json of Blender 4, in
+The second file is for the renderer's tests: nodes.json from Blender 5 and nodes-4.json from Blender 4, in
 shared/scene/src/assemble/texture/graph/.
 """
 
@@ -14,16 +14,16 @@ import bpy
 import numpy as np
 from graphs import BLENDS, MATH, VECTOR_MATH, build
 
-# Points of a case, and which of them are kept in the thin file.
+# Points per case, and which of them the thin file keeps.
 COUNT, THIN = 64, [0, 9, 17, 26, 42, 63]
-# Cases of one picture, and pixels of a square.
+# Cases per picture, and pixels along a square's side.
 ROWS, SIDE = 64, 3
 
 POINT = {"node": "coordinates", "of": "attribute"}
 
 
 def _points():
-    """In [-3, 3], on no edge of any cell of a node at a decent scale."""
+    """Points in [-3, 3], on no edge of any cell of a node at an ordinary scale."""
     random = np.random.default_rng(7)
     return (random.integers(-1536, 1536, (COUNT, 3)) * 2 + 1) / 1024.0
 
@@ -39,7 +39,7 @@ def _colors():
 
 
 def _numbers():
-    """For functions of up to three numbers, with some that are the same or whole."""
+    """For functions of up to three numbers; some are equal or integers."""
     points = _points()
     points[40:50] = np.round(points[40:50] * 2.0) / 2.0
     special = [[0, 0, 0], [1, 1, 1], [-1, 2, 0.5], [2, 0, 1], [0.5, 0.5, 0.5], [-2, -2, -2], [0, 1, 2], [4, 0.5, 0.25]]
@@ -51,7 +51,7 @@ POINTS, COLORS, NUMBERS = _points(), _colors(), _numbers()
 
 
 def part(axis):
-    """One number of the point."""
+    """One coordinate of the point."""
     return {"node": "separate", "mode": "xyz", "value": POINT, "output": axis}
 
 
@@ -63,7 +63,7 @@ class Cases:
         self.all = []
 
     def add(self, name, node, outputs=(None,), points=POINTS, thin=True, **fields):
-        """A case for each output; `thin` for the thin file as well, or the one output that is there."""
+        """Adds a case for each output; `thin` puts it into the thin file as well, or only the output given."""
         for output in outputs:
             texture = {"node": node} | fields
             full = name if output is None else f"{name}, {output}"
@@ -295,7 +295,7 @@ def lay_out(cases):
 
 
 def _render(count):
-    """(case, point, 3) of a picture of so many rows."""
+    """An array (case, point, 3) from a picture of this many rows."""
     scene = bpy.context.scene
     camera = bpy.data.cameras.new("Camera")
     camera.type = "ORTHO"
@@ -328,7 +328,7 @@ def _render(count):
 
 
 def _add_row(scene, row, case):
-    """Squares from (0, row) on, each with its point; `textures` of the case are what its graph may name."""
+    """Squares from (0, row) on, one for each point; the case's graph may refer to its `textures`."""
     mesh = bpy.data.meshes.new(case["name"])
     corners = [(x + dx, row + dy, 0.0) for x in range(COUNT) for dx, dy in ((0, 0), (1, 0), (1, 1), (0, 1))]
     mesh.from_pydata(corners, [], [tuple(range(4 * x, 4 * x + 4)) for x in range(COUNT)])
@@ -347,15 +347,15 @@ def _add_row(scene, row, case):
 
 
 def written(cases):
-    """The cases as JSON, one on a line."""
+    """The cases as JSON, one per line."""
     lines = [_line(case, {"points": _rows(case["points"], 12)}, _rows(case["values"])) for case in cases]
     return "[\n" + ",\n".join(lines) + "\n]\n"
 
 
 def thinned(cases):
-    """What the renderer's tests hold: sets of points, and cases with few values; "p" stands for the point.
+    """The data for the renderer's tests: sets of points, and cases with few values; "p" stands for the point.
 
-    Of Blender before 5.0 Voronoi alone, whose cells lie elsewhere since then.
+    From Blender before 5.0 only Voronoi, whose cells have moved since then.
     """
     is_old = bpy.app.version < (5, 0, 0)
     sets, lines = [], []
@@ -393,7 +393,7 @@ def _line(case, points, values):
 
 
 def _rows(rows, digits=9):
-    """Lists of numbers with so many digits; with nine, numbers of 32 bits are exact."""
+    """Lists of numbers with this many digits; nine digits keep 32-bit numbers exact."""
     return [[_rounded(float(f"{number:.{digits}g}")) for number in row] for row in rows.tolist()]
 
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# The Blender add-on, installed from its zip into Blender as a Python module: run.sh PATH/TO/beamfarm [TEST.py…]
+# Tests the Blender add-on, installed from its zip into Blender as a Python module: run.sh PATH/TO/beamfarm [TEST.py…]
 #
-# BPY may name a Python that has bpy already. Ends with 77, as automake's tests do, where there is none and none can be
-# installed.
+# BPY may name a Python that has bpy already. Exits with 77, as automake's skipped tests do, where there is none and
+# none can be installed.
 set -euo pipefail
 program=$(realpath "$1")
 shift
@@ -10,7 +10,7 @@ cd "$(dirname "$0")"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# The wheels of Blender 4.5 are for this one alone.
+# Blender 4.5's wheels are for this version only.
 python=${BPY:-}
 if [[ -z $python ]]; then
     if ! command -v python3.11 >/dev/null || ! python3.11 -m venv "$work/venv" ||
@@ -27,16 +27,16 @@ if ((!${#tests[@]})); then
         test_export_objects.py test_export_hair.py test_export_displacement.py test_export_glass.py
         test_export_graphs.py test_export_bakes.py test_export_emission.py test_export_subsurface.py
         test_export_anisotropy.py test_gltf_*.py test_survey.py)
-    # Materials, motion and whole scenes beside Cycles take minutes.
+    # Comparing materials, motion and whole scenes with Cycles takes minutes.
     [[ -z ${BEAMFARM_LONG:-} ]] || tests=(test_*.py)
 fi
 export BEAMFARM=$program
 code=0
-# None takes more than a minute and a half alone; one that hangs is told of.
+# Alone, none takes more than a minute and a half; one that hangs is reported.
 limit=900
 [[ -z ${BEAMFARM_LONG:-} ]] || limit=7200
 for test in "${tests[@]}"; do
-    # One process each: what one does to Blender's preferences is not there for the next.
+    # One process each, so that changes to Blender's preferences do not reach the next.
     ended=0
     timeout --kill-after=30 "$limit" "$python" -m unittest "$test" >"$work/log" 2>&1 || ended=$?
     if ((ended != 0)); then

@@ -91,7 +91,7 @@ def _finish(name, material):
 
 
 def material(name="Material", node="ShaderNodeBsdfPrincipled", **inputs):
-    """A material of one shader node; `inputs` by name, with _ for blanks."""
+    """A material of one shader node; `inputs` by name, with _ for spaces."""
     made = bpy.data.materials.new(name)
     made.use_nodes = True
     tree = made.node_tree

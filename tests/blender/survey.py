@@ -1,14 +1,13 @@
-"""Exports every .blend of a folder, and prints what is left out of how many files.
+"""Exports every .blend of a folder, and prints what is left out, and in how many files.
 
     PYTHON_WITH_BPY survey.py FOLDER… [--limit N] [--patience SECONDS] [--notes]
 
-Each file is opened in a process of its own, without running its scripts, and exported at its own frame and camera,
-or with one that is put into it where it has none; nothing is rendered, and nothing is written beside it. First the
-number of files of which nothing is left out, and of those of which nothing is but what nobody can show: objects of
-which Blender shows nothing either, and images and other files that are not there. Then three tables: what is left out,
-with names of objects and materials as "…", by the number of files and of lines; objects of which nothing is seen, and
-why; files that cannot be read or exported, or take longer than the patience. Each line ends with the first file that it
-is from.
+Each file is opened in a separate process, without running its scripts, and exported at its own frame and camera (a
+camera is added if it has none); nothing is rendered, and nothing is written next to the file. First it prints the
+number of files from which nothing is left out, and of those that lose only what cannot be shown: objects of which
+Blender shows nothing either, and missing images and other files. Three tables follow, each line with the first file
+concerned: what is left out, with names of objects and materials as "…", by the number of files and of lines; objects
+of which nothing is seen, and why; files that cannot be read or exported, or take longer than the patience.
 """
 
 from __future__ import annotations
@@ -30,18 +29,18 @@ _NAME = re.compile(r"(\w+ )?'((?:[^']|'(?=\w))*)'(?: \(([^)]*)\))?")
 _NUMBER = re.compile(r"(?<![\w'])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _NOTHING = re.compile(r"object '.*?(?:'(?!\w): | of the kind )(.*)", re.DOTALL)
 
-# What objects have of which Blender shows nothing either.
+# Reasons why Blender shows nothing of an object either.
 NOTHING_TO_SHOW = ("no face", "no points", "its scale makes")
 _NOT_THERE = re.compile(r": image '.*' cannot be read|: no image$|there is no file '|which has no text$")
 
 
 def kind_of(line: str) -> str:
-    """A line of the list without what is only of this file: names, and numbers."""
+    """A line of the list without what is specific to this file: names and numbers."""
 
     def without(match: re.Match) -> str:
         before, name, label = match.groups()
         if before == "node ":
-            # The node's label says what it is; its name, where that is another, does not.
+            # The node's label identifies it; a different name does not.
             return f"node '{label or name}'"
         return f"{before or ''}'…'" + (f" ({label})" if label else "")
 
@@ -49,13 +48,13 @@ def kind_of(line: str) -> str:
 
 
 def nothing_of(line: str) -> str | None:
-    """Why nothing is seen of an object, of a line that says so; None of others."""
+    """From a line that says so, why nothing is seen of an object; None for others."""
     found = _NOTHING.fullmatch(line.removeprefix("left out: "))
     return found and found[1]
 
 
 def can_be_shown(line: str) -> bool:
-    """Whether a line tells of something that is in the file, and that Blender shows."""
+    """Whether a line is about something that is in the file and that Blender shows."""
     why = nothing_of(line)
     if why is not None:
         return not why.startswith(NOTHING_TO_SHOW)
@@ -85,14 +84,14 @@ class Table:
 
 
 def export(path: Path, folder: Path) -> dict:
-    """Exports one file into a folder, in this process. Returns what there is to say of it."""
+    """Exports one file into a folder, in this process. Returns what to print about it."""
     import bpy
     import compare
 
     bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
     scene = bpy.context.scene
     if scene.camera is None:
-        # Of libraries of models nothing else is missing; nothing is rendered.
+        # Libraries of models lack nothing else; nothing is rendered.
         scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
         scene.collection.objects.link(scene.camera)
     result = compare.export_scene(folder)
@@ -126,7 +125,7 @@ def _one(path: Path, folder: Path) -> None:
 
 
 def files_of(paths: list[Path], limit: int | None) -> list[tuple[str, Path]]:
-    """(name by the folder that they share, file) of the first `limit` of all that there are."""
+    """(name relative to the folder that they share, file) for the first `limit` files."""
     found = [each for path in paths for each in ([path] if path.is_file() else sorted(path.rglob("*.blend")))]
     root = os.path.commonpath([path.parent for path in found]) if found else ""
     return [(str(path.relative_to(root)), path) for path in found[:limit]]

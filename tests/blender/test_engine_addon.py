@@ -12,7 +12,7 @@ ENGINE = "BEAMFARM"
 
 
 def panels() -> set[str]:
-    """Names of the panels of Blender and of Cycles that are shown for this engine."""
+    """Names of Blender's and Cycles' panels that are shown for this engine."""
     found, left = set(), [bpy.types.Panel]
     while left:
         derived = left.pop().__subclasses__()
@@ -22,7 +22,7 @@ def panels() -> set[str]:
 
 
 def of_cycles() -> list[type]:
-    """Its panels for renders."""
+    """Cycles' panels for renders."""
     return [panel for panel in bpy.types.Panel.__subclasses__() if panel.__name__.startswith("CYCLES_RENDER_PT")]
 
 

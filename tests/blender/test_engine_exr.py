@@ -17,7 +17,7 @@ exr = harness.module("exr")
 
 
 def written(pixels: np.ndarray, codec: str) -> bytes:
-    """An EXR of these pixels, rows from the bottom, by Blender."""
+    """An EXR of these pixels, rows from the bottom, written by Blender."""
     height, width = pixels.shape[:2]
     image = bpy.data.images.new("of a test", width, height, float_buffer=True)
     image.pixels.foreach_set(pixels.ravel())
@@ -37,7 +37,7 @@ class Exr(unittest.TestCase):
         random = np.random.default_rng(3)
         for width, height in ((1, 1), (7, 16), (33, 17), (64, 48)):
             pixels = random.lognormal(0.0, 3.0, (height, width, 4)).astype(np.float32)
-            # Alpha of one: nothing is multiplied by it. Rows that compress, and some that do not.
+            # Alpha is one, so nothing is multiplied by it. Some rows compress, and some do not.
             pixels[..., 3] = 1.0
             pixels[: height // 2] = np.round(pixels[: height // 2])
             for codec in ("NONE", "ZIP", "ZIPS"):
@@ -68,9 +68,9 @@ class Exr(unittest.TestCase):
         block = struct.pack("<ii", 0, len(packed)) + packed
         begun = tracemalloc.start() or tracemalloc.get_traced_memory()[0]
         for data in (
-            # A block that unpacks to much more than its rows have.
+            # A block that unpacks to much more data than its rows have.
             bomb(8, 8, 4, block),
-            # Pixels that the file cannot hold.
+            # More pixels than the file can hold.
             bomb(1 << 14, 1 << 14, 4, b""),
             bomb(1 << 14, 1 << 14, 1000, block),
         ):

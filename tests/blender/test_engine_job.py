@@ -1,4 +1,4 @@
-"""What can go wrong with the command, a cancel, pictures on the way, and other machines."""
+"""Failures of the command, cancelling, intermediate pictures, and other machines."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import numpy as np
 
 
 def render_error() -> str:
-    """What a render that fails says."""
+    """The message of a render that fails."""
     try:
         bpy.ops.render.render()
     except RuntimeError as error:
@@ -34,7 +34,7 @@ def result_of(scene: bpy.types.Scene) -> np.ndarray:
 
 
 def script(text: str) -> Path:
-    """A program of a few lines."""
+    """A short program."""
     path = harness.folder() / "beamfarm"
     path.write_text(f"#!/bin/sh\n{text}\n", encoding="utf-8")
     path.chmod(0o755)
@@ -85,7 +85,7 @@ class Program(unittest.TestCase):
 
 
 class Engine(unittest.TestCase):
-    """Who renders: processors, a GPU, or whichever is better."""
+    """What renders: processors, a GPU, or whichever is better."""
 
     def setUp(self) -> None:
         self.scene = harness.lit_floor((16, 12))
@@ -95,7 +95,7 @@ class Engine(unittest.TestCase):
         self.addCleanup(setattr, harness.preferences(), "engine", self.engines.CPU)
 
     def refusing(self, code: int) -> Path:
-        """The command, but that it has no GPU, and notes what it is asked."""
+        """A stand-in for the command that has no GPU and records its arguments."""
         return script(
             f'echo "$*" >>"{self.asked}"\n'
             f'case "$*" in *"--engine gpu"*) echo "error: there is no device" >&2; exit {code};; esac\n'
@@ -103,7 +103,7 @@ class Engine(unittest.TestCase):
         )
 
     def renders(self) -> list[str]:
-        """What of it were renders."""
+        """Its calls that were renders."""
         lines = self.asked.read_text(encoding="utf-8").splitlines()
         return [line for line in lines if line.startswith("render ")]
 
@@ -182,7 +182,7 @@ class Render(unittest.TestCase):
         self.assertGreater(result_of(self.scene)[..., :3].max(), 0.0)
 
     def test_the_first_picture_does_not_wait_for_a_pass(self) -> None:
-        # A pass of so many pixels takes seconds, and may yet be complete when the job is told to end.
+        # A pass of this many pixels takes seconds, and may still be complete when the job is told to end.
         self.scene.render.resolution_x, self.scene.render.resolution_y = 1600, 1200
         self.scene.beamfarm.passes = 1
         passes = []
@@ -230,7 +230,7 @@ class Render(unittest.TestCase):
             mock.patch.object(self.engine.job, "words", said),
         ):
             bpy.ops.render.render()
-        # A coarse one, those on the way, and that of the passes that were complete at the end.
+        # A coarse one, the intermediate ones, and that of the passes that were complete at the end.
         self.assertEqual(len(passes), 4)
         self.assertEqual((passes[0], passes), (0, sorted(passes)))
         self.assertGreater(result_of(self.scene)[..., :3].max(), 0.0)
@@ -304,7 +304,7 @@ class Life(unittest.TestCase):
         while running.url is None:
             self.assertTrue(running.is_running, running.words())
             time.sleep(0.01)
-        # As when the process dies that holds the other end.
+        # As when the process that holds the other end dies.
         running.process.stdin.close()
         running.process.wait(20.0)
         running.close()

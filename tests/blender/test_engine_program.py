@@ -1,4 +1,4 @@
-"""Which command the add-on runs, and the zip that brings it along as a wheel."""
+"""Which command the add-on runs, and the zip that contains it as a wheel."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WHEEL = f"beamfarm-{VERSION}-cp310-abi3-manylinux_2_28_x86_64.whl"
 
 
 def wheel(folder: Path, program: Path, name: str = WHEEL) -> Path:
-    """A wheel as that of the Python package, but that all there is of it is the command."""
+    """A wheel like that of the Python package, with nothing but the command."""
     said = f"beamfarm-{VERSION}.dist-info"
     parts = {
         "beamfarm/__init__.py": b"raise ImportError('there is no numpy')\n",
@@ -46,7 +46,7 @@ def wheel(folder: Path, program: Path, name: str = WHEEL) -> Path:
 
 
 def saying(path: Path, version: str, mode: int = 0o644) -> Path:
-    """A program that tells its version."""
+    """A program that prints its version."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(f"#!/bin/sh\necho beamfarm {version}\n", encoding="utf-8")
     path.chmod(mode)
@@ -104,7 +104,7 @@ class Zip(unittest.TestCase):
 
 
 class Program(unittest.TestCase):
-    """Which one is taken."""
+    """Which command is chosen."""
 
     def setUp(self) -> None:
         harness.install()
@@ -139,7 +139,7 @@ class Program(unittest.TestCase):
         self.assertEqual(usable(""), (self.in_path, "of PATH"))
 
     def test_the_add_on_itself_is_not_the_package(self) -> None:
-        # As a folder of Python's path has it where the sources of the add-on are.
+        # As in a folder of Python's path that has the sources of the add-on.
         (self.site / "beamfarm").mkdir(parents=True)
         (self.site / "beamfarm" / "__init__.py").write_text("raise AssertionError\n", encoding="utf-8")
         self.assertEqual(self.program.find("")[0], self.in_path)
@@ -158,7 +158,7 @@ class Program(unittest.TestCase):
     def test_where_permissions_cannot_be_changed_a_copy_is_run(self) -> None:
         saying(self.packaged, VERSION)
         (self.site / f"beamfarm-{VERSION}.dist-info").mkdir()
-        # Who runs the tests may be allowed everything.
+        # Whoever runs the tests may have every permission.
         with mock.patch.object(Path, "chmod", side_effect=PermissionError):
             copy, whose = self.program.usable("")
             again, _ = self.program.usable("")
@@ -167,7 +167,7 @@ class Program(unittest.TestCase):
         self.assertTrue(copy.is_relative_to(self.folder / "cache" / "beamfarm" / "programs"))
         self.assertFalse(os.access(self.packaged, os.X_OK))
         self.assertEqual([path for path in self.copies() if path.is_file()], [copy])
-        # Another start of Blender finds the copy, unless it is damaged.
+        # The next start of Blender finds the copy, unless it is damaged.
         before = copy.stat().st_ino
         for damage, kept in ((lambda: None, True), (lambda: copy.write_text("no"), False), (copy.unlink, False)):
             damage()
@@ -201,7 +201,7 @@ class Program(unittest.TestCase):
 
 @unittest.skipUnless(sys.platform == "linux" and os.uname().machine == "x86_64", "the wheel is for Linux on x86-64")
 class Installed(unittest.TestCase):
-    """The zip with the wheel, as Blender installs it, and nothing else."""
+    """The zip with the wheel, installed by Blender, and nothing else."""
 
     def test_f12_with_an_empty_path_and_no_preference(self) -> None:
         folder = harness.folder()
@@ -238,7 +238,7 @@ def red(path: str) -> np.ndarray:
 
 
 def repository() -> int:
-    """The number of the repository that zips go into."""
+    """The index of the repository into which zips go."""
     names = [repo.module for repo in bpy.context.preferences.extensions.repos]
     return names.index("user_default")
 

@@ -1,4 +1,4 @@
-"""F12: what the render result holds is what the command renders, pixel by pixel."""
+"""F12: the render result is what the command renders, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 
 
 def saved(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
-    """Channels of what Blender wrote, by pass and channel; rows from the bottom."""
+    """Channels of Blender's file, by pass and channel; rows from the bottom."""
     data = Path(scene.render.filepath).read_bytes()
     channels = harness.module("exr").read(data)
     return {name.partition(".")[2]: pixels for name, pixels in channels.items()}
 
 
 def rendered(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
-    """Render a still."""
+    """Renders a still."""
     bpy.ops.render.render(write_still=True)
     return saved(scene)
 
@@ -102,7 +102,7 @@ class Render(unittest.TestCase):
         # The camera is 6 above the floor and looks straight down on it.
         np.testing.assert_allclose(channels["Depth.Z"], 6.0, rtol=1e-5)
         np.testing.assert_allclose(channels["Normal.Z"], 1.0, rtol=1e-5)
-        # Of a sum of three in single precision.
+        # A sum of three in single precision.
         parts = sum(channels[f"{name}.G"] for name in ("Direct", "Indirect", "Volume"))
         np.testing.assert_allclose(channels["Combined.G"], parts, rtol=1e-5, atol=1e-7)
         self.assertGreater(channels["Standard Error.G"].max(), 0.0)
@@ -113,7 +113,7 @@ class Render(unittest.TestCase):
         scene.camera.location.z = 20.0
         channels = rendered(scene)
         alpha = channels["Combined.A"]
-        # A floor of 8 x 8 from 20 above: 0.4 of 36 mm in 50 mm, of 64 pixels.
+        # A floor of 8 x 8 from 20 above: 0.4 of 36 mm with a lens of 50 mm, on 64 pixels.
         self.assertAlmostEqual(alpha.sum(), (64 * 0.4 * 50.0 / 36.0) ** 2, delta=8.0)
         self.assertEqual((alpha.min(), alpha.max()), (0.0, 1.0))
         self.assertEqual(channels["Combined.G"][alpha == 0.0].max(), 0.0)
@@ -188,7 +188,7 @@ class Render(unittest.TestCase):
         render.use_crop_to_border = True
         cropped = combined(rendered(scene))
         np.testing.assert_array_equal(cropped, inside[9:27, 5:31])
-        # The window has random numbers of its own: it is the one in its place if no other window is as near.
+        # The window has its own random numbers: it is the right one if no other window is as near.
         far = {
             (x, y): np.square(cropped - whole[9 + y : 27 + y, 5 + x : 31 + x]).mean()
             for x in (-1, 0, 1)

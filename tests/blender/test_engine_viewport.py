@@ -1,4 +1,4 @@
-"""The viewport without a window: its camera, the wire, and the way from an edit to a picture."""
+"""The viewport without a window: its camera, the protocol, and the path from an edit to a picture."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ live = harness.module("viewport.live")
 session = harness.module("viewport.session")
 export = harness.module("export")
 
-# For what a busy machine does in a second.
+# For what a busy machine usually does in a second.
 LONG = 60.0
 
 
 def wait_for(what: str, holds: Callable[[], object], patience: float = LONG) -> object:
-    """The first value that is something."""
+    """Polls until a value is not None and returns it."""
     until = time.monotonic() + patience
     while time.monotonic() < until:
         value = holds()
@@ -66,7 +66,7 @@ class Camera(unittest.TestCase):
         theirs = self.table(export.ExportSettings(width=width, height=height))
         for name in ("origin", "target", "up", "principal_point", "height"):
             expected = theirs.get(name, [0.0, 0.0] if name == "principal_point" else 0.0)
-            # Matrices of single precision.
+            # Matrices in single precision.
             np.testing.assert_allclose(ours.get(name, expected), expected, rtol=1e-5, atol=1e-5, err_msg=name)
         if camera.data.type == "ORTHO":
             self.assertEqual(ours["projection"], "orthographic")
@@ -142,10 +142,10 @@ class Camera(unittest.TestCase):
 
 
 class Wire(unittest.TestCase):
-    """The client against a server that says what it is told to."""
+    """The client against a scripted server."""
 
     def client_of(self, *frames: bytes):
-        """A client, and what it will be sent; the server ends then."""
+        """A client and the frames that it will be sent; the server then ends."""
         listener = socket.create_server(("127.0.0.1", 0))
         self.addCleanup(listener.close)
         self.heard = b""
@@ -188,7 +188,7 @@ class Wire(unittest.TestCase):
             client.receive()
         client.close()
         self.server.join()
-        # The pong, masked as all that a client says.
+        # The pong, masked like everything that a client sends.
         first, second, *mask = self.heard[:6]
         self.assertEqual((first, second), (0x8A, 0x81))
         self.assertEqual(self.heard[6] ^ mask[0], ord("p"))
@@ -218,7 +218,7 @@ class Wire(unittest.TestCase):
 
 
 def column(frame) -> int:
-    """Where the lamp's light is."""
+    """The column of the lamp's light."""
     return int(frame.pixels[..., 1].sum(axis=0).argmax())
 
 
@@ -237,7 +237,7 @@ class Live(unittest.TestCase):
         return sight.of_matrices(view, window, (96, 64), None)
 
     def update(self) -> int:
-        """As Blender calls the engine after an edit."""
+        """Calls the engine as Blender does after an edit."""
         bpy.context.view_layer.update()
         seq = self.session.update(bpy.context.evaluated_depsgraph_get(), self.sight())
         self.assertIsNotNone(seq, self.session.words)
@@ -256,11 +256,11 @@ class Live(unittest.TestCase):
         first = self.picture("the first passes", self.update(), passes=4)
         self.assertEqual(first.pixels.shape, (64, 96, 3))
         self.assertEqual(self.session.words.partition(" |")[0], "Pass 4/4")
-        # With twice the watts the picture is twice as bright, up to its noise.
+        # Twice the watts make the picture twice as bright, up to its noise.
         bpy.data.objects["lamp"].data.energy *= 2.0
         brighter = self.picture("a brighter lamp", self.update(), passes=4)
         self.assertAlmostEqual(brighter.pixels.mean() / first.pixels.mean(), 2.0, delta=0.1)
-        # A move of the view exports nothing.
+        # Moving the view exports nothing.
         written = self.session._exporter.folder / "scene.toml"
         before = written.stat().st_mtime_ns
         seq = self.session.look(bpy.context.evaluated_depsgraph_get(), self.sight(1.0))
@@ -306,7 +306,7 @@ class Live(unittest.TestCase):
         self.addCleanup(self.session.close)
         self.update()
         self.assertTrue(self.news.wait(LONG))
-        # As Blender calls the engine to draw.
+        # Calls the engine as Blender does to draw.
         seq = self.session.look(bpy.context.evaluated_depsgraph_get(), self.sight())
         self.assertIsNotNone(seq)
         self.picture("by processors", seq, 1)
@@ -335,7 +335,7 @@ class Live(unittest.TestCase):
             def draw(self, _engine, _scene, _region, frame) -> None:
                 drawn.append(frame)
 
-        # There is no engine but in a render, and no window to draw into.
+        # An engine exists only during a render, and there is no window to draw into.
         def render(this, depsgraph: bpy.types.Depsgraph, _folder) -> None:
             this._canvas = Canvas()
             this.view_update(context, depsgraph)
@@ -368,7 +368,7 @@ class Live(unittest.TestCase):
         self.assertTrue((given[..., 3] == 1.0).all())
 
     def test_from_event_to_picture(self) -> None:
-        """Not a test of speed: what it takes is printed."""
+        """Not a test of speed: it prints the time taken."""
         self.picture("all passes", self.update(), passes=4)
         edits, moves = [], []
         for _ in range(10):

@@ -1,4 +1,4 @@
-"""Microfacets that differ by direction: what the scene file says of them, and Cycles."""
+"""Anisotropic microfacets: what is written to the scene file, and the pictures against Cycles."""
 
 import os
 import unittest
@@ -43,7 +43,7 @@ class Text(unittest.TestCase):
         self.assertAlmostEqual(table["anisotropic"], 0.5)
         self.assertAlmostEqual(table["anisotropic_rotation"], 0.25)
         self.assertEqual(table["tangent"], "around_z")
-        # Whose axis and box that is.
+        # The object whose axis and box are meant.
         self.assertTrue(all("space" in shape for shape in scene["shapes"] if shape["material"] == "Brushed"))
         brushed(Anisotropic=0.0, Anisotropic_Rotation=0.25)
         table, scene, _ = self.told()
@@ -87,7 +87,7 @@ class Text(unittest.TestCase):
         brushed(Metallic=0.0, Transmission_Weight=0.5, Anisotropic=0.5)
         table, _, result = self.told()
         self.assertIn("anisotropic", table)
-        self.assertIn("scattered by direction as well", str(result.notes))
+        self.assertIn("transmitted light is anisotropic", str(result.notes))
 
     def test_by_texture(self):
         made = brushed(Anisotropic=0.5)
@@ -121,7 +121,7 @@ class Compared(unittest.TestCase):
     def test_tangents(self):
         for settings in ({"axis": "X"}, {"axis": "Y"}, {"direction_type": "UV_MAP"}):
             with self.subTest(**settings):
-                # Circles around x are at right angles to a plate that has no height.
+                # Circles around x are perpendicular to a plate without height.
                 brushed(tangent=settings, plate="axis" not in settings, Anisotropic=0.8, Anisotropic_Rotation=0.1)
                 self.check(f"tangent {settings.get('axis', 'uv')}")
 

@@ -1,4 +1,4 @@
-"""What Blender bakes of nodes that the scene file has no words for; with BEAMFARM_LONG=1 beside Cycles."""
+"""Baking of nodes that the scene file cannot express; with BEAMFARM_LONG=1 against Cycles."""
 
 import math
 import os
@@ -21,7 +21,7 @@ LONG = bool(os.environ.get("BEAMFARM_LONG"))
 
 
 def wavelengths(node):
-    """The base colour by something that no node of the scene file is."""
+    """The base colour from a node that the scene file lacks."""
     color = add(node.id_data, "Wavelength", {0: 560.0})
     link(node.id_data, color.outputs[0], node.inputs["Base Color"])
     return color
@@ -34,7 +34,7 @@ class Baked(unittest.TestCase):
         self.folder = pathlib.Path(folder.name)
 
     def image(self, table):
-        """Pixels of an image of the export."""
+        """Pixels of an image in the export."""
         return compare.read(self.folder / table["image"])
 
     def exported(self):
@@ -50,7 +50,7 @@ class Baked(unittest.TestCase):
         self.assertIn("material 'Rock' on 'Ball': node 'Wavelength' is baked at 1024", result.notes)
         table = scene["materials"]["Rock on Ball"]["base_color"]
         self.assertEqual(table["vector"], {"attribute": "color"})
-        # Yellowish green, in all that the mesh covers.
+        # Yellowish green, everywhere that the mesh covers.
         red, green, blue = np.median(self.image(table).reshape(-1, 3), axis=0)
         self.assertGreater(green, 2.0 * abs(blue))
         self.assertGreater(red, 0.1)
@@ -88,7 +88,7 @@ class Baked(unittest.TestCase):
         self.assertEqual(noise["vector"]["operation"], "add")
         values = self.image(noise["vector"]["a"])[..., 0] + noise["vector"]["b"]
         self.assertAlmostEqual(values.min(), -3.5, delta=0.01)
-        # Beside the mesh is what the image had before, 0.
+        # Outside the mesh the image keeps its initial value, 0.
         self.assertAlmostEqual(values[values < -1.0].max(), -2.5, delta=0.01)
 
     def test_colours_of_vertices_make_room(self):
@@ -188,7 +188,7 @@ class Worlds(unittest.TestCase):
         self.assertEqual(result.left_out, [])
         self.assertEqual({tuple(light["visible"]): light["radiance"] for light in scene["lights"]}, {
             ("camera",): [0.0, 0.0, 1.0], ("reflected", "refracted", "shadow", "photon"): [1.0, 0.5, 0.25]})
-        # Where all rays see one thing there is one light.
+        # Where all rays see the same, a single light is written.
         tree.links.new(path.outputs["Is Shadow Ray"], mix.inputs[0])
         scene, _ = exported()
         self.assertEqual(len(scene["lights"]), 1)

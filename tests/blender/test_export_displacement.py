@@ -1,4 +1,4 @@
-"""True displacement as it is exported; with BEAMFARM_LONG=1 beside Cycles."""
+"""True displacement as exported; with BEAMFARM_LONG=1 against Cycles."""
 
 import os
 import unittest
@@ -42,7 +42,7 @@ class Exports(unittest.TestCase):
         self.assertNotIn("bump", result.text.replace("bumpy", ""))
 
     def test_what_a_mesh_holds(self):
-        # Alone, and where nodes make something of it.
+        # Alone, and with nodes that process it.
         for is_mixed in (False, True):
             ball = stage(lambda: bumpy("ShaderNodeAttribute"))
             colors = ball.data.color_attributes.new("Heights", "FLOAT_COLOR", "POINT")

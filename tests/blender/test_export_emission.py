@@ -1,4 +1,4 @@
-"""Volumes that emit: what the add-on writes of them, and the pictures against Cycles."""
+"""Volumes that emit: what the add-on writes, and the pictures against Cycles."""
 
 import pathlib
 import tomllib
@@ -20,7 +20,7 @@ def floor():
 
 
 def volume(*shaders, mix=None):
-    """A material of one volume shader, or of the sum or mixture of two: (type, inputs, {input: attribute})."""
+    """A material of one volume shader, or of the sum or mix of two: (type, inputs, {input: attribute})."""
     made = bpy.data.materials.new("Volume")
     made.use_nodes = True
     tree = made.node_tree
@@ -139,7 +139,7 @@ class Pictures(unittest.TestCase):
         glow = ("ShaderNodeEmission", {"Color": (1.0, 0.5, 0.2)}, {"Strength": ("density", 6.0)})
         fog = ("ShaderNodeVolumeAbsorption", {"Color": (0.2, 0.3, 0.4)}, {"Density": ("density", 4.0)})
         cloud(glow, fog)
-        # Its edges are a quarter of a pixel off.
+        # Its edges are off by a quarter of a pixel.
         result = compare.check(self, "cloud that emits", blocks=3.0, passes=64)
         self.assertEqual(result.left_out, [])
 

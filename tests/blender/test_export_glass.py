@@ -144,7 +144,7 @@ class Panes(unittest.TestCase):
         rest, pane = (materials[name] for name in table["materials"])
         self.assertEqual((rest["type"], rest["two_sided"], pane["type"]), ("principled", True, "thin_dielectric"))
         self.assertNotIn("spec_trans", rest)
-        # 0.2 of metal, 0.2 of the rest, 0.6 of glass.
+        # 0.2 metal, 0.2 of the rest, 0.6 glass.
         self.assertAlmostEqual(rest["metallic"], 0.5, 5)
         self.assertAlmostEqual(pane["ior"], 1.4, 5)
         self.assertAlmostEqual(pane["specular_transmittance"][0], 0.5, 5)
@@ -181,7 +181,7 @@ class Panes(unittest.TestCase):
 
     @unittest.skipUnless(compare.program(), "no beamfarm: set BEAMFARM, or build it")
     def test_behind_a_pane_it_is_as_bright_from_either_side(self):
-        """Under an even sky of 1 a pane shows 1: what it reflects is as bright as what it lets through."""
+        """Under an even sky of 1 a pane shows 1: reflection adds what transmission lacks."""
         for turned in (0.0, 180.0):
             room()
             scenes.background().inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
@@ -222,7 +222,7 @@ class Displacement(unittest.TestCase):
         self.assertEqual(result.left_out, [])
 
     def test_heights_grow_with_the_object(self):
-        """Along the normals: a floor's by its scale along z, and the world's not at all."""
+        """Along the normals: those of a floor scale with its z, those of the world do not."""
         floor = bpy.data.objects["Plane"]
         for scale, space, wanted in (
             ((7.0, 7.0, 1.0), "OBJECT", 0.3), ((1.0, 1.0, 4.0), "OBJECT", 1.2), ((4.0, 4.0, 4.0), "WORLD", 0.3),
@@ -248,7 +248,7 @@ class Displacement(unittest.TestCase):
         bpy.context.scene.render.use_motion_blur = True
         scene, result = exported()
         self.assertEqual(len(scene["materials"]), 1)
-        self.assertEqual(result.notes, [line for line in result.notes if "has nothing between" not in line])
+        self.assertEqual(result.notes, [line for line in result.notes if "cannot be interpolated" not in line])
 
     def test_true_displacement_moves_the_mesh(self):
         for method in ("DISPLACEMENT", "BOTH"):

@@ -1,4 +1,4 @@
-"""Node trees that become texture graphs of the scene file."""
+"""Node trees that become texture graphs in the scene file."""
 
 import pathlib
 import tempfile
@@ -30,10 +30,10 @@ def link(tree, value, socket):
 
 
 class Spaces(unittest.TestCase):
-    """What shapes tell of their objects is what Cycles has."""
+    """The spaces that shapes define for their objects are those of Cycles."""
 
     def picture(self, kind, output):
-        """What Cycles shows of an output of a node on a turned plane, 16 x 16 over [-2, 2]^2, top row first."""
+        """What Cycles shows for an output of a node on a rotated plane, 16 x 16 over [-2, 2]^2, top row first."""
         scenes.empty()
         made = scenes.material("Shown", "ShaderNodeEmission")
         tree = made.node_tree
@@ -46,7 +46,7 @@ class Spaces(unittest.TestCase):
         compare.use_cycles(16, 16, 16)
         scene, result = exported()
         self.assertEqual(result.left_out, [])
-        # Not before: it sets another view transform.
+        # Not before: the call sets another view transform.
         bpy.context.scene.view_settings.view_transform = "Raw"
         return compare.with_cycles(scenes_folder(self), 2).mean, scene["shapes"][0]["space"]
 
@@ -75,7 +75,7 @@ def noise(tree, **inputs):
 
 
 class Trees(unittest.TestCase):
-    """What becomes of node trees of materials."""
+    """What material node trees become."""
 
     def said(self, wanted=(), bakes=True):
         scene, result = exported(bakes)
@@ -230,7 +230,7 @@ class Trees(unittest.TestCase):
             "b": {"texture": "Rock/Wave Texture", "output": "value"}})
 
     def mixed(self, factor, *parts):
-        """A mix of two shaders by what a function makes of a tree."""
+        """A mix of two shaders whose factor is a function of a tree."""
         node = room()
         tree = node.id_data
         output = node.outputs[0].links[0].to_socket
@@ -390,7 +390,7 @@ class Volumes(unittest.TestCase):
         medium = scene["media"]["Cloud"]
         self.assertAlmostEqual(medium["sigma_t"], 0.7, 5)
         self.assertEqual(set(medium["density"]), {"min", "max", "voxel"})
-        # What it absorbs in a colour of its own, the scene file has no word for.
+        # The scene file cannot express a separate colour of absorption.
         shader.inputs["Absorption Color"].default_value = (0.5, 0.1, 0.1, 1.0)
         scene, result = exported()
         self.assertIn("Noise Texture", " ".join(result.left_out))
@@ -406,7 +406,7 @@ class Volumes(unittest.TestCase):
         link(tree, add(tree, "VolumeScatter").outputs[0], tree.nodes["World Output"].inputs["Volume"])
         scenes.ball("Stone", 0.2, (3.0, 0.0, 1.0), scenes.material("Glass", "ShaderNodeBsdfGlass"))
         scene, result = exported()
-        self.assertIn("the volume of 'Cloud': what is around it is not in it", result.notes)
+        self.assertIn("the volume of 'Cloud': the volumes around it are not added in it", result.notes)
         self.assertEqual([shape.get("interior") for shape in scene["shapes"]], [None, "Cloud", None])
         noisy = add(tree, "VolumeScatter", {"Density": noise(tree).outputs["Fac"]})
         link(tree, noisy.outputs[0], tree.nodes["World Output"].inputs["Volume"])

@@ -1,4 +1,4 @@
-"""Hair as it is exported; with BEAMFARM_LONG=1 beside Cycles."""
+"""Hair as exported; with BEAMFARM_LONG=1 against Cycles."""
 
 import math
 import os

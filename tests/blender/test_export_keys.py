@@ -85,7 +85,7 @@ class Keys(unittest.TestCase):
         modifier.frame_start, modifier.frame_duration = 1, 10
         scene.frame_set(4)
         _, result = exported()
-        self.assertTrue(any("other polygons" in note for note in result.notes), result.notes)
+        self.assertTrue(any("polygons that change" in note for note in result.notes), result.notes)
         self.assertNotIn("keys", result.text)
 
     def test_what_comes_or_goes_is_told(self):
@@ -98,7 +98,7 @@ class Keys(unittest.TestCase):
             ball.keyframe_insert("hide_render", frame=frame)
         scene.frame_set(1)
         _, result = exported()
-        self.assertTrue(any("comes or goes" in note for note in result.notes), result.notes)
+        self.assertTrue(any("appears or disappears" in note for note in result.notes), result.notes)
 
     def test_only_files_of_the_scene_are_left(self):
         for position in ("START", "CENTER", "END"):
@@ -231,7 +231,7 @@ class Frames(unittest.TestCase):
                         line = [compare.program(), "render", file, "-o", output, "--passes", "8", "--quiet", *more]
                         subprocess.run(list(map(str, line)), check=True, capture_output=True)
                         pictures.append(compare.read(output))
-                    # The same but for rounding: few rays meet another thing for that.
+                    # The same up to rounding, which makes a few rays hit something else.
                     difference = abs(pictures[0] - pictures[1]).mean() / pictures[1].mean()
                     self.assertLess(difference, 2e-3, frame)
 

@@ -12,13 +12,13 @@ import scenes
 
 
 def some(cases):
-    """All of the cases where tests may take long, otherwise every other one."""
+    """All cases where tests may take long, otherwise every other one."""
     return list(cases)[:: 1 if os.environ.get("BEAMFARM_LONG") else 2]
 
 
 def floor():
     scenes.empty()
-    # Of light without much noise; ours has more.
+    # Direct light has little noise; ours has more.
     compare.use_cycles(samples=32)
     scenes.camera((0.0, -4.0, 3.0), (0.0, 0.0, 0.0))
     scenes.plane(size=6.0, material=scenes.diffuse())
@@ -63,7 +63,7 @@ class Lights(unittest.TestCase):
                 self.assertEqual(result.notes, [])
 
     def test_soft_falloff_within_a_shade(self):
-        # A lamp within a bulb, and one that is larger than its bulb.
+        # A lamp inside a bulb, and one larger than its bulb.
         for kind, size in some((("POINT", 0.25), ("POINT", 0.1))):
             with self.subTest(kind=kind, size=size):
                 floor()
@@ -73,7 +73,7 @@ class Lights(unittest.TestCase):
                 self.check(f"{kind.lower()} in a bulb of {size}")
 
     def test_no_lamp_is_seen_through_a_tint(self):
-        # A ray that a Transparent shader lets through is the camera's still.
+        # A camera ray that a Transparent shader lets through is still a camera ray.
         tint = scenes.material("Shade", "ShaderNodeBsdfTransparent", Color=(0.9, 0.6, 0.3, 1.0))
         scenes.ball("Shade", 0.5, (0.0, 0.0, 1.2), material=tint)
         lamp = scenes.light("POINT", (0.0, 0.0, 1.2), 50.0, shadow_soft_size=0.2, use_soft_falloff=False)
@@ -101,7 +101,7 @@ class Lights(unittest.TestCase):
                 self.check(f"area light, spread {degrees:.0f}")
 
     def test_ies(self):
-        # Brighter to one side: which way it lies can be told. Fine, since Cycles' table is cubic between its angles.
+        # Brighter on one side, so that the orientation shows. Fine, since Cycles interpolates its table cubically.
         down, around = range(0, 91, 5), range(0, 361, 15)
         rows = "\n".join(
             " ".join(f"{50.0 * math.cos(math.radians(v)) * (1.0 + 0.8 * math.cos(math.radians(h - 40.0))):.4f}"

@@ -9,7 +9,7 @@ import scenes
 
 
 def room(light=True, world=0.3):
-    """A floor under an area light, and something of a sky."""
+    """A floor under an area light, and a faint sky."""
     scenes.empty()
     compare.use_cycles()
     scenes.camera((0.0, -4.0, 3.0), (0.0, 0.0, 0.2))
@@ -21,9 +21,9 @@ def room(light=True, world=0.3):
 
 
 def image(name="Picture", size=(256, 256), alpha=None, space="sRGB"):
-    """Waves of colour that go on smoothly from edge to edge."""
+    """Waves of colour that are periodic across the edges."""
     made = bpy.data.images.new(name, *size, alpha=True)
-    # Before there are pixels: with another colour space Blender generates the image anew.
+    # Before there are pixels: Blender generates the image anew for another colour space.
     made.colorspace_settings.name = space
     y, x = np.mgrid[0 : size[1], 0 : size[0]]
     u, v = 2.0 * np.pi * x / size[0], 2.0 * np.pi * y / size[1]
@@ -190,7 +190,7 @@ class Materials(unittest.TestCase):
                     self.check(f"{name}, roughness {rough}", passes=32, blocks=2.0)
 
     def test_mixes_by_fresnel(self):
-        # Plastic has Fresnel's law where light comes in, too: on the ball a few per cent.
+        # Plastic applies Fresnel's law where light enters, too: a few per cent on the ball.
         for base, blocks, inputs in (("Refraction", 2.0, {"IOR": 1.45, "Roughness": 0.0}), ("Diffuse", 3.0, {})):
             with self.subTest(base):
                 room()
@@ -209,7 +209,7 @@ class Materials(unittest.TestCase):
                 self.assertEqual(result.left_out, [])
 
     def test_refraction(self):
-        # What Fresnel's law reflects is lost: 4 % of what comes through the ball.
+        # What Fresnel's law reflects is lost: 4 % of the light through the ball.
         room()
         ball("ShaderNodeBsdfRefraction", Roughness=0.0, Color=(0.9, 0.6, 0.3))
         result = self.check("refraction", blocks=2.0)

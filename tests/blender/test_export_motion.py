@@ -1,8 +1,8 @@
-"""What moves while the shutter is open, against Cycles with the same shutter.
+"""Motion while the shutter is open, against Cycles with the same shutter.
 
-Cycles blurs no lights, colours or materials: for those the truth is the mean of its stills at the middles of equal
-parts of the time. Pictures may differ by what `compare.check` allows: means by 1 % and 3 standard errors, blocks by 5
-standard errors, 4 % of the block and 2 % of the mean.
+Cycles does not blur changes of lights, colours or materials: for those the truth is the mean of its stills at the
+midpoints of equal parts of the time. Pictures may differ by the allowance of `compare.check`: means by 1 % and 3
+standard errors, blocks by 5 standard errors, 4 % of the block and 2 % of the mean.
 """
 
 import math
@@ -29,7 +29,7 @@ def room(shutter=1.0, position="START"):
 
 
 def moves(block, path, *values):
-    """Straight keys of a property, from frame 1 on."""
+    """Linear keys of a property, from frame 1 on."""
     for frame, value in enumerate(values, start=1):
         setattr(block, path, value)
         block.keyframe_insert(path, frame=frame)
@@ -38,7 +38,7 @@ def moves(block, path, *values):
 
 
 def curves(action):
-    """All of an action; since Blender 5.0 they lie in layers."""
+    """All curves of an action; since Blender 5.0 they are in layers."""
     if hasattr(action, "fcurves"):
         return list(action.fcurves)
     bags = [bag for layer in action.layers for strip in layer.strips for bag in strip.channelbags]
@@ -147,7 +147,7 @@ class Blur(unittest.TestCase):
             if k:
                 moves(empty, "location", (-0.6, -0.2, 0.0), (0.6, -0.2, 0.3))
         result = self.check("instances")
-        # Two balls, each in one of the two collections' instances.
+        # Two balls, each in an instance of one of the two collections.
         self.assertEqual(result.text.count("keys ="), 2)
 
     def test_instances_of_points(self):

@@ -1,5 +1,5 @@
-"""What the renderer's tests hold texture graphs against is what this Blender makes of them, and the add-on writes them
-so that they stay the same. No renderer is needed."""
+"""The renderer's test data for texture graphs are this Blender's values, and the add-on exports the nodes so that the
+graphs stay the same. No renderer is needed."""
 
 import json
 import unittest
@@ -40,7 +40,7 @@ class Nodes(unittest.TestCase):
             for case, shape in zip(some, scene["shapes"]):
                 table = dict(shape["emission"]["radiance"])
                 if "checkerboard" in table:
-                    # An attribute in the place of UV.
+                    # An attribute in place of UV.
                     continue
                 self.assertIn("texture", table, case["name"])
                 again.append({**case, "texture": table, "output": None, "textures": scene["textures"]})

@@ -1,4 +1,4 @@
-"""Which objects stand in scene files, and what is said of those of which nothing is. No renderer is needed."""
+"""Which objects are in scene files, and what is reported about those that are not visible. No renderer is needed."""
 
 import pathlib
 import tempfile
@@ -21,7 +21,7 @@ def scene_of_nothing():
 
 
 def triangles(path):
-    """Corners of the triangles of a PLY file, (n, 3, 3), in its own space."""
+    """Corners of the triangles of a PLY file, (n, 3, 3), in object space."""
     header, _, body = path.read_bytes().partition(b"end_header\n")
     lines = header.decode().splitlines()
     counts = {line.split()[1]: int(line.split()[2]) for line in lines if line.startswith("element")}
@@ -37,7 +37,7 @@ def area(path):
 
 
 class Exported:
-    """An export of bpy's scene: tables, what is left out, and the area of each shape's mesh in its own space."""
+    """An export of bpy's scene: tables, what is left out, and the area of each shape's mesh in object space."""
 
     def __init__(self, **how):
         with tempfile.TemporaryDirectory() as folder:
@@ -55,7 +55,7 @@ def edit(object):
 
 
 def without_its_top(mesh):
-    """Takes the face with the highest middle off what is edited."""
+    """Removes the face with the highest centre from the mesh in edit mode."""
     edited = bmesh.from_edit_mesh(mesh)
     top = max(edited.faces, key=lambda face: face.calc_center_median().z)
     bmesh.ops.delete(edited, geom=[top], context="FACES_ONLY")
@@ -198,7 +198,7 @@ class EditMode(unittest.TestCase):
 
 
 class Nothing(unittest.TestCase):
-    """Of what nothing is seen, the list says why."""
+    """If nothing is seen of an object, the list says why."""
 
     def setUp(self):
         scene_of_nothing()
@@ -216,7 +216,7 @@ class Nothing(unittest.TestCase):
 
     def test_objects_that_are_scaled_to_nothing(self):
         scenes.plane("Point").scale = (0.0, 0.0, 0.0)
-        self.check("object 'Point': its scale makes a line or a point of it")
+        self.check("object 'Point': its scale makes it a line or a point")
 
     def test_modifiers_that_leave_nothing(self):
         mask = scenes.cube("Masked").modifiers.new("Mask", "MASK")
@@ -272,7 +272,7 @@ class Nothing(unittest.TestCase):
 
 class Polygons(unittest.TestCase):
     def test_a_concave_polygon_has_its_own_area(self):
-        """A U of 3 x 3 with a gap of 1 x 2, from every corner on and both ways round."""
+        """A U of 3 x 3 with a gap of 1 x 2, starting at every corner and in both directions."""
         u = [(0, 0, 0), (3, 0, 0), (3, 3, 0), (2, 3, 0), (2, 1, 0), (1, 1, 0), (1, 3, 0), (0, 3, 0)]
         for first in range(len(u)):
             for corners in (u[first:] + u[:first], (u[first:] + u[:first])[::-1]):

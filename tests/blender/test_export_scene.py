@@ -251,7 +251,7 @@ class Rules(Compared):
             with self.subTest(name):
                 self.setUp()
                 setattr(self.ball, name, False)
-                # A shadow that is not cast on surfaces still keeps photons off them: what bounces below the ball.
+                # An object that casts no shadow on surfaces still blocks photons: those that bounce below the ball.
                 self.check(f"not {name}", blocks=1.5 if name == "visible_shadow" else 1.0)
 
     def linked(self, names, state):

@@ -1,4 +1,5 @@
-"""Shaders that are put together of others, or written as another that is near: what the scene file has, and Cycles."""
+"""Shaders that combine others, or that are written as a similar one: the scene file, and the pictures against
+Cycles."""
 
 import pathlib
 import tempfile
@@ -15,7 +16,7 @@ from test_export_text import exported
 
 
 def of_two(first, second):
-    """A ball of an Add Shader of two shaders."""
+    """A ball with an Add Shader of two shaders."""
     made = scenes.material("Ball", "ShaderNodeAddShader")
     tree = made.node_tree
     for socket, (kind, values) in zip(shader(made).inputs, (first, second)):
@@ -26,7 +27,7 @@ def of_two(first, second):
 
 
 def bump_of_bump():
-    """A floor with small bumps over large ones."""
+    """A floor with small bumps on large ones."""
     tree = room(world=0.0).node_tree
     where = add(tree, "TexCoord").outputs["Object"]
     large = add(tree, "Bump", {"Height": noise(tree, Vector=where, Scale=1.5).outputs["Fac"], "Distance": 0.15})
@@ -66,7 +67,7 @@ class Text(unittest.TestCase):
         floor = self.said()["materials"]["Floor"]
         self.assertIn("normal_map", floor)
         self.assertNotIn("over", floor["bump"])
-        # Over another bump as well.
+        # On another bump as well.
         link(tree, below.outputs[0], large.inputs["Normal"])
         link(tree, large.outputs[0], small.inputs["Normal"])
         floor = self.said()["materials"]["Floor"]
@@ -149,14 +150,14 @@ class Text(unittest.TestCase):
     def test_sums_above_one(self):
         room()
         of_two(("Diffuse", {"Color": (0.8, 0.8, 0.8)}), ("Glossy", {"Color": (0.7, 0.7, 0.7), "Roughness": 0.3}))
-        self.said(["node 'Add Shader' of material 'Ball': a sum that sends back up to 1.50 of the light is dimmed to "
+        self.said(["node 'Add Shader' of material 'Ball': a sum that reflects up to 1.50 of the light is dimmed to "
                    "what arrives"])
 
     def test_sums_that_have_no_word(self):
         room()
         of_two(("Glass", {}), ("Diffuse", {"Color": (0.1, 0.1, 0.1)}))
         self.said(["node 'Add Shader' of material 'Ball': a sum of two shaders that both scatter light; the first "
-                   "counts"])
+                   "is used"])
 
     def test_sheen(self):
         room()
@@ -252,7 +253,7 @@ class Compared(unittest.TestCase):
         self.check("a bump of a bump", tolerance=0.015)
 
     def test_steep_bumps_of_little_strength(self):
-        # Cycles' slopes are differences over a pixel, here over large waves.
+        # Cycles computes slopes as differences over a pixel, here over large waves.
         large, small = bump_of_bump()
         for bump in (large, small):
             bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = 0.3, 0.5
@@ -263,7 +264,7 @@ class Compared(unittest.TestCase):
                              ("SUN", {"energy": 2.0, "angle": 0.0})):
             with self.subTest(kind):
                 room(light=False, world=0.1)
-                # Black, so that it sends no light on.
+                # Black, so that it reflects no light.
                 scenes.cube("Box", 0.6, (0.0, 0.0, 0.6), scenes.diffuse("Black", (0.0, 0.0, 0.0)))
                 scenes.light(kind, (0.4, -0.3, 3.0), **values, use_shadow=False)
                 self.check(f"{kind.lower()} without shadows")

@@ -17,7 +17,7 @@ IS_NEW = bpy.app.version >= (5, 0, 0)
 
 
 def around(**values):
-    """A Sky Texture as the world. Returns its node."""
+    """Makes a Sky Texture the world. Returns its node."""
     scenes.empty()
     tree = bpy.context.scene.world.node_tree
     node = tree.nodes.new("ShaderNodeTexSky")
@@ -32,7 +32,7 @@ def around(**values):
 
 
 def by_cycles(samples=16):
-    """The world all around, +x in the middle, bottom row first."""
+    """The world as a panorama, +x in the middle, bottom row first."""
     scene = compare.use_cycles(2 * HEIGHT, HEIGHT, samples)
     camera = scenes.camera((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     camera.data.type = "PANO"
@@ -45,13 +45,13 @@ def by_cycles(samples=16):
 
 
 def shrunk(values):
-    """A picture in as many pixels as those of Cycles."""
+    """A picture reduced to the resolution of Cycles'."""
     side = values.shape[0] // HEIGHT
     return values.reshape(HEIGHT, side, 2 * HEIGHT, side, 3).mean(axis=(1, 3))
 
 
 def irradiance(values):
-    """Sum over all directions."""
+    """The integral over all directions."""
     latitudes = ((np.arange(HEIGHT) + 0.5) / HEIGHT - 0.5) * math.pi
     return (values * np.cos(latitudes)[:, None, None]).sum((0, 1)) * (math.pi / HEIGHT) ** 2
 
@@ -61,7 +61,7 @@ class Skies(unittest.TestCase):
         ours, theirs = shrunk(sky.picture(sky.sky_of(node))), by_cycles()
         ratio = irradiance(ours) / irradiance(theirs)
         off = np.abs(ours - theirs).max(-1) / np.maximum(theirs.max(-1), 1e-3 * theirs.max())
-        # The rows at the horizon are as fine as Cycles' table there.
+        # Rows at the horizon are as fine as Cycles' table there.
         above = off[HEIGHT // 2 + 1 :]
         line = f"mean {ratio}, half within {np.median(above):.4f}, 95 % within {np.quantile(above, 0.95):.4f}"
         print(f"sky {node.sky_type.lower()}: {line}", flush=True)
@@ -85,7 +85,7 @@ class Skies(unittest.TestCase):
                 np.testing.assert_allclose(ratio, 1.0, atol=0.02)
 
     def test_small_sun(self):
-        # Of a disc of half a degree there is all of its light, whatever pixels it falls on.
+        # A disc of half a degree keeps all of its light, whatever pixels it falls on.
         wide, small = (sky.Nishita(0.6, 0.3, 1.0, (1.0, 1.0, 1.0), 1.0, size) for size in (0.1, 0.00951))
         dark = sky.Nishita(0.6, 0.3, 1.0, (1.0, 1.0, 1.0))
         sums = [irradiance(shrunk(sky.picture(each)) - shrunk(sky.picture(dark))) for each in (wide, small)]

@@ -1,4 +1,4 @@
-"""Subsurface scattering of Blender: the medium beneath, and Cycles' random walks."""
+"""Blender's subsurface scattering: the medium below the surface, and Cycles' random walks."""
 
 import os
 import unittest
@@ -54,7 +54,7 @@ class Text(unittest.TestCase):
         self.assertAlmostEqual(skin["subsurface"], 0.6, places=5)
         self.assertAlmostEqual(skin["subsurface_anisotropy"], 0.3, places=5)
         np.testing.assert_allclose(skin["subsurface_radius"], np.array([1.0, 0.4, 0.2]) * 0.5 / (4.0 * np.pi), rtol=1e-5)
-        # Less comes back than the colour says.
+        # Less is reflected than the colour says.
         self.assertTrue((np.array(skin["base_color"]) < np.array(SKIN["Base Color"])).all())
 
     def test_nothing_sinks_into_metal_or_by_no_weight(self):
@@ -105,7 +105,7 @@ class Text(unittest.TestCase):
 
 @unittest.skipUnless(os.environ.get("BEAMFARM_LONG"), "minutes: BEAMFARM_LONG=1")
 class Compared(unittest.TestCase):
-    """Cycles' own walks end after 256 scatterings, and are not alike from light and camera: hence the tolerance."""
+    """Cycles' own walks end after 256 scatterings, and differ between light and camera paths: hence the tolerance."""
 
     def check(self, name, blocks=2.0):
         self.assertEqual(compare.check(self, name, tolerance=0.02, blocks=blocks, passes=64).left_out, [])
@@ -133,7 +133,7 @@ class Compared(unittest.TestCase):
         slab.scale = (2.0, 0.12, 1.4)
         slab.data.materials.append(wax("RANDOM_WALK", Scale=0.6))
         scenes.light("AREA", (0.0, 2.0, 1.5), 200.0, size=1.0).rotation_euler = (-1.2, 0.0, 0.0)
-        # Light that is refracted as it comes in gets through more often.
+        # Light that is refracted as it enters gets through more often.
         self.check("slab with light behind it", blocks=3.0)
 
     def test_bust(self):

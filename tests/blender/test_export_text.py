@@ -1,4 +1,4 @@
-"""What stands in scene files, and what is said of the rest. No renderer is needed."""
+"""The contents of scene files, and the messages about the rest. No renderer is needed."""
 
 import math
 import pathlib
@@ -25,7 +25,7 @@ def exported(bakes=True):
 
 
 def room(**inputs):
-    """A ball with a Principled BSDF; its node."""
+    """A ball with a Principled BSDF; returns its node."""
     scenes.empty()
     compare.use_cycles()
     scenes.camera((0.0, -4.0, 3.0), (0.0, 0.0, 0.2))
@@ -225,7 +225,7 @@ class Fields(unittest.TestCase):
             self.assertAlmostEqual(found[name], value, places=5, msg=name)
         self.assertEqual(table["specular_color"], [1.0, 0.5, 0.25])
         self.assertEqual(result.left_out, [])
-        # By textures as well, of one number.
+        # By textures as well, if they are one number.
         node = room(**over)
         noise = node.id_data.nodes.new("ShaderNodeTexNoise")
         for name in ("Coat Weight", "Coat Roughness"):
@@ -245,7 +245,7 @@ class Fields(unittest.TestCase):
         room()
         bpy.context.scene.render.use_multiview = True
         _, result = exported()
-        self.assertEqual(result.left_out, ["left out: stereoscopy: one view is written, that of the camera itself"])
+        self.assertEqual(result.left_out, ["left out: stereoscopy: only the camera's own view is written"])
 
     def test_normals_of_coats(self):
         def bumpy(node, name, height):
@@ -264,7 +264,7 @@ class Fields(unittest.TestCase):
 
         room(Coat_Weight=1.0)
         self.assertEqual(made(), {})
-        # A bump below is none of the coat.
+        # A bump below does not affect the coat.
         node = room(Coat_Weight=1.0)
         bump = bumpy(node, "Normal", 0.5)
         found = made()
@@ -298,7 +298,7 @@ class Fields(unittest.TestCase):
         self.assertEqual(kinds, ["principled", "dielectric"])
 
     def mixed(self, base, coat, index=1.45, **inputs):
-        """Material of two shaders mixed by a Fresnel node, and what was said."""
+        """A material of two shaders mixed by a Fresnel node, and the messages."""
         node = room()
         tree = node.id_data
         output = node.outputs[0].links[0].to_socket
@@ -358,7 +358,7 @@ class Fields(unittest.TestCase):
         scene, result = exported()
         self.assertEqual(scene["materials"]["Rock"]["type"], "dielectric")
         self.assertEqual(result.left_out, [])
-        self.assertIn("stands in for caustics", str(result.notes))
+        self.assertIn("caustics are rendered here", str(result.notes))
 
     def test_half_metals_that_lose_light_are_mixed(self):
         node = room(Metallic=0.25)
@@ -414,7 +414,7 @@ class Fields(unittest.TestCase):
         self.assertEqual(result.left_out, [])
 
     def test_images_that_are_not_there_are_pink(self):
-        """As Cycles has them: (1, 0, 1), and an alpha of 1."""
+        """As in Cycles: (1, 0, 1), and an alpha of 1."""
         for image in (None, "gone.png"):
             node = room()
             tree = node.id_data
@@ -443,7 +443,7 @@ class Fields(unittest.TestCase):
             self.assertEqual(light["radiance"], [1.0, 0.0, 1.0])
 
     def volume(self, *kinds):
-        """Links the sum of shaders to the Volume of the ball's material; the tree and its output node."""
+        """Links the sum of shaders to the Volume of the ball's material; returns the tree and its output node."""
         tree = room().id_data
         output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
         total = None
@@ -463,7 +463,7 @@ class Fields(unittest.TestCase):
         _, result = exported()
         self.assertEqual(result.left_out, [])
         self.assertIn("'Glass BSDF' is nothing in a volume", "".join(result.notes))
-        # Nor do they make the surface clear, as volumes do where there is no other shader.
+        # Nor do they make the surface transparent, as volumes do where there is no other shader.
         tree.links.remove(output.inputs["Surface"].links[0])
         scene, result = exported()
         self.assertEqual(result.left_out, [])
@@ -479,7 +479,7 @@ class Fields(unittest.TestCase):
         tree, output = self.volume("ShaderNodeVolumeAbsorption")
         scene, result = exported()
         self.assertEqual((result.left_out, "media" in scene), ([], False))
-        self.assertIn("is not seen: its surface lets no light in", "".join(result.notes))
+        self.assertIn("is not visible: its surface is opaque", "".join(result.notes))
         tree.links.new(tree.nodes.new("ShaderNodeBsdfTranslucent").outputs[0], output.inputs["Surface"])
         _, result = exported()
         self.assertEqual(len(result.left_out), 1)
@@ -528,7 +528,7 @@ class Fields(unittest.TestCase):
 
 
 class Places(unittest.TestCase):
-    """Objects of the scene, and what they make."""
+    """Objects of the scene, and what becomes of them."""
 
     def test_instances_are_of_their_objects(self):
         scenes.empty()
@@ -629,7 +629,7 @@ class Places(unittest.TestCase):
 
 
 class Updates(unittest.TestCase):
-    """An exporter that is kept: what did not change is not looked at again."""
+    """An exporter that is kept: what did not change is not examined again."""
 
     def test_only_what_changed_is_written(self):
         room()

@@ -40,7 +40,7 @@ class Textures(unittest.TestCase):
                 where = add(tree, "TexCoord").outputs["Object"]
                 made = add(tree, f"Tex{kind}", {"Vector": where, "Scale": scale})
                 link(tree, made.outputs["Color"], node.inputs["Color"])
-                # The corners of cells fall on other pixels.
+                # Corners of cells fall on other pixels.
                 self.check(f"texture {kind.lower()}", blocks=1.5)
 
     def test_formulas(self):

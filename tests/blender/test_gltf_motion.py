@@ -1,4 +1,4 @@
-"""Animations of glTF files that Blender writes: where things are then, by Blender and by the program."""
+"""Animations of glTF files that Blender writes: positions over time, in Blender and in the program."""
 
 import math
 import os
@@ -17,7 +17,7 @@ FRAMES = (1, 2, 2.5, 3)
 
 
 def box_of_blender(frame):
-    """Corners of the box around all vertices, with y up."""
+    """Corners of the bounding box of all vertices, with y up."""
     scene = bpy.context.scene
     scene.frame_set(math.floor(frame), subframe=frame % 1.0)
     depsgraph = bpy.context.evaluated_depsgraph_get()
@@ -39,7 +39,7 @@ def box_of_file(file, frame):
 
 
 def skinned():
-    """A bar of two joints, of which the upper one bends."""
+    """A bar with two joints, of which the upper one bends."""
     armature = bpy.data.armatures.new("Bones")
     bones = scenes.link("Bones", armature)
     bpy.context.view_layer.objects.active = bones
@@ -64,7 +64,7 @@ def skinned():
 
 
 def nested():
-    """A ball off the middle of what turns, and grows."""
+    """A ball off the centre of something that rotates and grows."""
     parent = scenes.link("Arm", None)
     cube = scenes.ball("Cube", 0.5, (2.0, 0.0, 0.5), scenes.diffuse("Red"), segments=8)
     cube.parent = parent

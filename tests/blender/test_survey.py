@@ -44,7 +44,7 @@ class Survey(unittest.TestCase):
         self.folder = pathlib.Path(kept.name)
 
     def save(self, name, *lines):
-        """A file with a cube with a Toon BSDF, and edges of these names."""
+        """A file with a cube that has a Toon BSDF, and edges with these names."""
         scenes.empty()
         scenes.camera((0.0, -4.0, 3.0), (0.0, 0.0, 0.2))
         scenes.cube("Cube", material=scenes.material(f"of {name}", "ShaderNodeBsdfToon"))
@@ -87,7 +87,7 @@ class Survey(unittest.TestCase):
         self.assertIn("    a.blend: not done after 0.01 s", done.stdout.splitlines())
 
     def test_files_of_which_nothing_is_seen(self):
-        # Nor has it a camera.
+        # It has no camera either.
         scenes.empty()
         bpy.ops.wm.save_as_mainfile(filepath=str(self.folder / "bare.blend"))
         lines = self.survey().stdout.splitlines()

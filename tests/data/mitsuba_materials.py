@@ -1,7 +1,8 @@
 """Writes mitsuba_materials.csv: values of materials from Mitsuba 3 (made with 3.9.1, `pip install mitsuba`).
 
-Columns: name of the material, as in ../tests/surfaces/materials.rs; `value`, `reflect` or `transmit`; wo; wi (both leave the surface);
-RGB. That is the BSDF's value without the cosine, or for the other two the weight of a delta lobe.
+Columns: name of the material, as in ../tests/surfaces/materials.rs; `value`, `reflect` or `transmit`;
+wo; wi (both leave the surface); RGB. That is the BSDF's value without the cosine, or for the other two the weight of a
+delta lobe.
 """
 
 import math
@@ -39,7 +40,7 @@ MATERIALS = {
     },
     "glass": {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0, **TINTS},
     "metal": {"type": "principled", "base_color": PAINT, "metallic": 0.7, "roughness": 0.3, "specular": 0.4},
-    # Of no reflectance but its metal's. At 0 Mitsuba's metal is black, at all above it is not.
+    # Black except for its metal. At 0 Mitsuba's metal is black, at anything above it is not.
     "metal_bare": {"type": "principled", "base_color": PAINT, "metallic": 0.9, "roughness": 0.5, "specular": 1e-9},
     "pane": {"type": "thindielectric", "int_ior": 1.5, "ext_ior": 1.0, **TINTS},
     "plastic": {"type": "plastic", **COATED},
@@ -81,7 +82,7 @@ for name, record in MATERIALS.items():
             if max(value) > 0:
                 add(name, "value", wo, wi, [x / abs(wi[2]) for x in value])
         if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Delta):
-            # The first number chooses the lobe, reflection below.
+            # The first number chooses the lobe: a low one reflection.
             for u, what in [(0.0, "reflect"), (0.999999, "transmit")]:
                 sample, weight = bsdf.sample(ctx, si, u, [0.5, 0.5])
                 if sample.sampled_type & int(mi.BSDFFlags.Delta):

@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# The files of deploy/ against what reads them: Kubernetes' API schemas, OpenJD's, the Compose specification's, systemd's
-# own check, bash; what makes a release, and its workflow against GitHub's schema. The OpenJD templates are run as well,
-# and the command of Kubernetes' frames, and their images' bits compared. Usage: check.sh PATH/TO/beamfarm
+# Checks the files of deploy/ against what reads them: Kubernetes' API schemas, OpenJD's, the Compose specification's,
+# systemd's own check, bash; also what makes a release, and its workflow against GitHub's schema. Runs the OpenJD
+# templates and the command of Kubernetes' frames, too, and compares the bits of their images. Usage: check.sh
+# PATH/TO/beamfarm
 #
-# Ends with 77, as automake's tests do, where something that it needs is missing and that part was skipped.
+# Exits with 77, as automake's skipped tests do, where something that it needs is missing and that part was skipped.
 set -euo pipefail
 program=$(realpath "$1")
 cd "$(dirname "$0")/../../deploy"
@@ -32,14 +33,14 @@ else
         [[ $file == */kustomization.yaml || $file == */frames.yaml || $file == */worker-gpu.yaml ]] || { echo ---; cat "$file"; }
     done >"$work/all.yaml"
 fi
-# The oldest version in which pods may be replaced and indices fail as these files ask for, and the newest.
+# The oldest version in which pods may be replaced and indices may fail as these files require, and the newest.
 for version in 1.31 1.37; do
     "$work/venv/bin/kubernetes-validate" --quiet --strict -k "$version" "$work/all.yaml" kubernetes/frames.yaml \
         kubernetes/worker-gpu.yaml
 done
 echo "kubernetes: valid for 1.31 and 1.37"
 
-# As they stand, and for hosts with cards.
+# As they are, and for hosts with cards.
 for template in beamfarm frames; do
     "$work/venv/bin/openjd" check "openjd/$template.yaml"
     sed '/^      # For Engine/d; s/^      #/      /' "openjd/$template.yaml" >"$work/gpu.yaml"
@@ -60,7 +61,7 @@ if [[ -z $pixels ]] || ! grep -q "$pixels" "$work/openjd"; then
 fi
 echo "openjd: the template's image has the bits of a local one"
 
-# A light that moves, small.
+# A small scene with a moving light.
 sed -e 's/^width = .*/width = 64/; s/^height = .*/height = 48/; s/^passes = .*/passes = 2/' \
     -e 's/^target = \[-0.1, 1.2, 0.0\]/target = { keys = [[1, [-0.1, 1.2, 0]], [3, [0.1, 1, 0]]] }/' \
     ../scenes/sphere-caustic.toml >"$work/moving.toml"
@@ -83,7 +84,7 @@ if [[ $(sed -n 's/.*\tpixels //p' "$work/openjd") != "$pixels" || ! -s $work/ope
 fi
 echo "openjd: the frames have the bits of local ones"
 
-# What the pod of index 2 runs; then the coordinator with the same frame, which is there, and so it ends at once.
+# What the pod of index 2 runs; then the coordinator with the same frame, which exists already, so it ends at once.
 mkdir "$work/job"
 cp "$work/moving.toml" "$work/job/scene.toml"
 head -c 32 /dev/urandom | od -An -v -tx1 | tr -d ' \n' >"$work/job/token"
@@ -128,11 +129,11 @@ print("compose: fields and references are as expected")
 PYTHON
 
 if command -v systemd-analyze >/dev/null; then
-    # With a card: the drop-in after the unit that it is for.
+    # With a card: the drop-in follows the unit that it is for.
     cat systemd/beamfarm-worker.service >"$work/beamfarm-worker-gpu.service"
     sed -n '/^\[Service\]/,$p' systemd/beamfarm-worker-gpu.conf >>"$work/beamfarm-worker-gpu.service"
     for unit in systemd/*.service "$work/beamfarm-worker-gpu.service"; do
-        # The check wants the program to be there.
+        # The check requires the program to exist.
         mkdir -p "$work/units"
         sed 's|^ExecStart=[^ ][^ ]*|ExecStart=/bin/true|' "$unit" >"$work/units/$(basename "$unit")"
         said=$(systemd-analyze verify "$work/units/$(basename "$unit")" 2>&1 | grep -F beamfarm || true)
@@ -146,7 +147,7 @@ else
     skipped "systemd-analyze is not here"
 fi
 
-# What a worker's process runs, with cards and without: srun and the program only say what they are told.
+# What a worker's process runs, with cards and without: srun and the program only print their arguments.
 mkdir "$work/bin"
 printf '#!/bin/bash\nwhile [[ $1 != bash ]]; do shift; done\nexec "$@"\n' >"$work/bin/srun"
 printf '#!/bin/bash\necho "$*"\n' >"$work/bin/beamfarm"
@@ -164,7 +165,7 @@ echo "slurm: a node's cards are workers"
 bash -n slurm/beamfarm.sbatch
 bash -n slurm/frames.sbatch
 
-# What makes a release. That takes minutes, and so only parts of it are tried: the licences of all crates are found, and
+# What makes a release. A whole one takes minutes, so only parts are tried: the licences of all crates are found, and
 # the same folder gives the same archive.
 "$work/venv/bin/check-jsonschema" --quiet --builtin-schema vendor.github-workflows ../.github/workflows/release.yml
 bash -n release/build.sh

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What deny.toml says of licences, banned crates and sources, checked with `cargo metadata` alone: for machines without
+"""Checks deny.toml's rules on licences, banned crates and sources with `cargo metadata` alone, for machines without
 cargo-deny. Python 3.11."""
 
 import json
@@ -14,7 +14,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 def allowed(expression, licences):
-    """Whether an SPDX expression can be met; a slash is an OR of old manifests."""
+    """Whether an SPDX expression can be satisfied; a slash in old manifests means OR."""
     tokens = re.findall(r"\(|\)|[^\s()]+", expression.replace("/", " OR "))
 
     def either():

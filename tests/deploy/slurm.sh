@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# A Slurm of this machine alone, the batch scripts on it, and images and frames against those that were rendered
-# without: the same bits, also when jobs are requeued in the middle. Usage: slurm.sh PATH/TO/beamfarm
+# Runs the batch scripts on a Slurm of this machine alone, and compares their images and frames with those rendered
+# without it: the same bits, also when jobs are requeued in the middle. Usage: slurm.sh PATH/TO/beamfarm
 #
-# Needs root, and slurmctld, slurmd, the client commands and munge. Where they are missing it says so and ends
+# Needs root, and slurmctld, slurmd, the client commands and munge. Where they are missing it prints a note and exits
 # with 77, as automake's skipped tests do, or with 1 if BEAMFARM_NEED_SLURM=1.
 set -euo pipefail
 repository=$(cd "$(dirname "$0")/../.." && pwd)
@@ -21,7 +21,7 @@ folder=$(mktemp -d)
 export SLURM_CONF=$folder/slurm.conf
 daemons=()
 
-# Clients try for minutes to reach a controller that is not there.
+# Clients try for minutes to reach a missing controller.
 ask() {
     local code=0
     timeout --kill-after=5 60 "$@" || code=$?
@@ -32,7 +32,7 @@ for client in sbatch scancel scontrol sinfo; do
     eval "$client() { ask $client \"\$@\"; }"
 done
 
-# What is left of this Slurm: its daemons, and what they have started, wherever that belongs by now.
+# What is left of this Slurm: its daemons, and what they have started, whatever parent that has by now.
 left() {
     local process
     for process in /proc/[0-9]*; do
@@ -50,13 +50,13 @@ finish() {
     if ((${#daemons[@]} != 0)); then
         timeout --kill-after=5 10 scancel --user=root >/dev/null 2>&1 || true
         kill "${daemons[@]}" 2>/dev/null || true
-        # Not all of them end by themselves, a stopped one for instance.
+        # Not all of them end on their own, for instance a stopped one.
         local tries process
         for ((tries = 0; tries < 50; ++tries)); do
             kill -0 "${daemons[@]}" 2>/dev/null || break
             sleep 0.1
         done
-        # Twice: what one has started in the meantime is there.
+        # Twice, to catch what was started in the meantime.
         for tries in 1 2; do
             for process in $(left); do
                 kill -KILL "$process" 2>/dev/null || true
@@ -71,7 +71,7 @@ trap finish EXIT
 trap 'exit 143' TERM
 trap 'exit 130' INT
 
-# wait_for SECONDS WHAT COMMAND... Limits are for a machine that has much else to do.
+# wait_for SECONDS WHAT COMMAND... Limits are for a machine that is busy with other things.
 wait_for() {
     local until=$((SECONDS + $1)) what=$2 daemon
     shift 2
@@ -197,15 +197,15 @@ wait_for 300 "job $job" completed "$job"
 same plain local
 echo "slurm: the batch script's image has the bits of a local one"
 
-# A light that moves, small: three frames, of tasks of an array and of one coordinator.
+# A small scene with a moving light: three frames, as tasks of an array and with one coordinator.
 sed -e 's/^width = .*/width = 64/; s/^height = .*/height = 48/' \
     -e 's/^target = \[-0.1, 1.2, 0.0\]/target = { keys = [[1, [-0.1, 1.2, 0]], [3, [0.1, 1, 0]]] }/' \
     sphere-caustic.toml >moving.toml
 printf '\n[animation]\nframes = [1, 3]\n' >>moving.toml
 
-# Requeued jobs wait for a while: all three of them at the same time.
+# Requeued jobs wait for a while: all three at the same time.
 job=$(submit requeued "$long")
-# Some passes are there and some are not.
+# Some passes are done and some are not.
 begun() { [[ -s requeued.job/checkpoint-0 && -s requeued.job/checkpoint-1 ]]; }
 wait_for 300 "the first passes" begun
 scontrol requeue "$job"
@@ -254,7 +254,7 @@ resumed=$(sed -n 's|^resuming array/f.02.job with \([0-9]*\) passes|\1|p' array-
 echo "slurm: the frames of an array have the bits of local ones, one requeued in mid-job"
 
 wait_for 300 "job $farm after it was requeued" completed "$farm"
-# A start that is stopped also writes what it has of the frame at hand.
+# A stopped start also writes what it has of the current frame.
 sed -n "s/^frame .*: wrote .*, $long passes .* pixels /pixels /p" farm.log | cmp frames - || {
     echo "the farm's frames have other pixels" >&2
     exit 1
@@ -265,7 +265,7 @@ grep -q 'farm/f.01.exr is there already' farm.log || {
 }
 echo "slurm: the frames of one coordinator have the bits of local ones, requeued after the first"
 
-# Workers wait for minutes for a coordinator; not for one that will never come.
+# Workers wait for minutes for a coordinator, but not for one that will never come.
 job=$(BEAMFARM_HOST=127.0.0.1 sbatch --parsable --ntasks=3 --ntasks-per-node=3 --cpus-per-task=1 --output=misspelt.log \
     "$repository/deploy/slurm/beamfarm.sbatch" misspelt.toml misspelt.exr)
 failed() { [[ $(state "$1") == FAILED ]]; }

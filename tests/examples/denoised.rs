@@ -1,4 +1,4 @@
-//! How much of an image's error denoising takes away.
+//! How much of an image's error denoising removes.
 //!
 //! ```text
 //! beamfarm render SCENE --time 90s --seed 7777 -o one.exr
@@ -7,20 +7,20 @@
 //! cargo run --release -p beamfarm-tests --example denoised -- one.exr another.exr image.exr
 //! ```
 //!
-//! Two references r and s of other seeds, then any number of images x of the same size. What is told of each is relMSE,
-//! as by `beamfarm compare`, of the image and of what it becomes denoised, and the second over the first. Noise of the
-//! references does not count: relMSE is the mean over pixels and channels of
+//! The arguments are two references r and s with other seeds, then any number of images x of the same size. For each
+//! image the program prints the relMSE, as `beamfarm compare` defines it, of the image before and after denoising, and
+//! the second over the first. Noise of the references does not count: relMSE is the mean over pixels and channels of
 //!
 //! ```text
 //! (x - r) (x - s) / (m² + 0.01) = [(x - m)² - (r - s)² / 4] / (m² + 0.01),     m = (r + s) / 2
 //! ```
 //!
-//! in which noise of r, s and x is multiplied by what knows nothing of it, so that only x's own is left on average. The
-//! same file twice is one reference, whose noise counts. Since one firefly can outweigh all other pixels, the same
-//! figures follow without the thousandth of the pixels in which this is largest, positive or negative.
+//! The noises of r, s and x are independent, so only that of x remains on average. Giving the same file twice makes it
+//! one reference whose noise counts. Since one firefly can outweigh all other pixels, the program repeats the figures
+//! without the thousandth of the pixels with the largest absolute values.
 //!
-//! Of several images, of as many passes each and of different seeds, also what they have in common is told, their bias,
-//! which no filter is meant to take away: the same mean, of (x - r) (y - s) for all pairs of images x and y.
+//! For several images with the same number of passes and different seeds it also prints what they have in common: their
+//! bias, which no filter is meant to remove. This is the same mean of (x - r) (y - s) over all pairs of images x and y.
 
 use beamfarm_image::denoise::denoise;
 use beamfarm_image::exr::{DenoiseLayers, read_rgb};
@@ -52,12 +52,12 @@ fn main() -> Result<(), AnyError> {
     Ok(())
 }
 
-/// relMSE: of all pixels, and without the largest thousandth.
+/// relMSE of all pixels, and without the largest thousandth.
 #[derive(Clone, Copy, Default)]
 struct Error([f64; 2]);
 
 impl Error {
-    /// The means of what each pixel counts.
+    /// The means of the pixels' values.
     fn of(mut pixels: Vec<f64>) -> Self {
         pixels.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
         let mean = |pixels: &[f64]| pixels.iter().sum::<f64>() / pixels.len().max(1) as f64;
@@ -83,26 +83,26 @@ impl fmt::Display for Comparison {
     }
 }
 
-/// Of images of different seeds.
+/// Errors of images with different seeds.
 #[derive(Default)]
 struct Errors {
     images: Vec<Error>,
-    /// Of all images, by pixel.
+    /// Sums over all images, by pixel.
     sums: Vec<Sums>,
 }
 
 #[derive(Clone, Copy, Default)]
 struct Sums {
-    /// How far they are from one reference and from the other, by channel.
+    /// Deviations from either reference, by channel.
     off: [[f64; 3]; 2],
-    /// What the products of both count.
+    /// The product of both, weighted.
     errors: f64,
-    /// What a product counts, by channel.
+    /// The weight of a product, by channel.
     weight: [f64; 3],
 }
 
 impl Errors {
-    /// relMSE of an image.
+    /// Adds an image; returns its relMSE.
     fn add(&mut self, film: &Film, [one, another]: &[Film; 2]) -> Result<Error, AnyError> {
         for reference in [one, another] {
             if (film.width, film.height) != (reference.width, reference.height) {
@@ -130,13 +130,13 @@ impl Errors {
         Ok(error)
     }
 
-    /// relMSE of an image, on average.
+    /// Mean relMSE of an image.
     fn mean(&self) -> Error {
         let mean = |i: usize| self.images.iter().map(|error| error.0[i]).sum::<f64>() / self.images.len() as f64;
         Error([mean(0), mean(1)])
     }
 
-    /// relMSE of what the images have in common: all products of sums but for those of an image with itself.
+    /// relMSE of what the images have in common: all products of sums except those of an image with itself.
     fn in_common(&self) -> Error {
         let images = self.images.len() as f64;
         let pixel = |sums: &Sums| {

@@ -3,12 +3,12 @@
 //!
 //! Three ways take turns: `beamfarm serve`, with its job folder, and two worker processes of one thread; two processes
 //! that render every second pass each, without coordinator, network or images; and two threads of one process. The
-//! first over the second is what the farm costs, the second over the third what it costs that processes share no
-//! memory. The processors' time is less disturbed by other programs; the standard error of a mean tells how far to
-//! believe it.
+//! first over the second is the cost of the farm, the second over the third that of not sharing memory. CPU time is
+//! less disturbed by other programs; the standard error of a mean tells how far to trust it.
 //!
-//! All that render are this program, begun anew for each run: the compiler makes other machine code of the renderer for
-//! each program, and memory that a process has used before is quicker, and either would be measured with the farm.
+//! All renderers are this program, started anew for each run: the compiler generates different machine code for the
+//! renderer in each program, and memory that a process has used before is faster, and either effect would be attributed
+//! to the farm.
 
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::merge::{Node, TreeSum};
@@ -85,7 +85,7 @@ fn main() -> Result<(), AnyError> {
     Ok(())
 }
 
-/// Render for this coordinator.
+/// Renders for this coordinator.
 fn serve_as_worker(url: String) -> Result<(), AnyError> {
     let config = beamfarm_worker::Config {
         url,
@@ -108,14 +108,14 @@ fn serve_as_worker(url: String) -> Result<(), AnyError> {
     Ok(())
 }
 
-/// What rendering took, and what it made.
+/// Cost and result of a run.
 struct Run {
     seconds: f64,
     cpu_seconds: f64,
     pixels: String,
 }
 
-/// CPU seconds of this process, and of those that it has waited for (Linux).
+/// CPU seconds of this process and of its finished children (Linux).
 fn cpu_seconds() -> Result<f64, AnyError> {
     let text = std::fs::read_to_string("/proc/self/stat")?;
     let fields = text.rsplit(')').next().unwrap_or("").split_whitespace();
@@ -127,7 +127,7 @@ fn by_farm(program: &str, scene: &str, passes: u64, output: &Path) -> Result<Run
     let (begun, before) = (Instant::now(), cpu_seconds()?);
     let mut coordinator = Command::new(program)
         .args(["serve", scene, "--passes", &passes.to_string()])
-        // As `render`, which trusts its own workers: passes rendered again are no overhead of the farm.
+        // Like `render`, which trusts its own workers: audited passes are no overhead of the farm.
         .args(["--listen", "127.0.0.1:0", "--audit-share", "0", "-o"])
         .arg(output)
         .stdout(Stdio::piped())
@@ -158,7 +158,7 @@ fn by_farm(program: &str, scene: &str, passes: u64, output: &Path) -> Result<Run
     })
 }
 
-/// The same without a farm, by so many processes of together [`THREADS`] threads.
+/// The same without a farm, with this many processes that have [`THREADS`] threads in all.
 fn bare(scene: &str, passes: u64, processes: usize) -> Result<Run, AnyError> {
     let (begun, before) = (Instant::now(), cpu_seconds()?);
     let start = |first: usize| {
@@ -184,8 +184,8 @@ fn bare(scene: &str, passes: u64, processes: usize) -> Result<Run, AnyError> {
     })
 }
 
-/// Render every `step`th pass by this process's share of the threads, which take pass after pass. With all passes, says
-/// the hash of their average.
+/// Renders every `step`th pass with this process's share of the threads. If it renders all passes, it prints the hash
+/// of their average.
 fn render_here(scene: &Path, first: u64, step: u64, passes: u64) -> Result<(), AnyError> {
     let description = SceneFile::read(scene, &ImportOptions::default())?.load()?;
     let settings = description.defaults.job_settings();

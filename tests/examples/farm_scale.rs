@@ -1,10 +1,10 @@
 //! How many workers a coordinator can serve: `cargo run --release -p beamfarm-tests --example farm_scale -- [WORKERS]
-//! [PASSES] [WIDTHxHEIGHT] [LAYERS]`; 1000 workers, 1000 passes, 1280x720 and no layers if nobody says else, layers as
-//! `depth,normal`.
+//! [PASSES] [WIDTHxHEIGHT] [LAYERS]`. The defaults are 1000 workers, 1000 passes, 1280x720 and no layers; layers are
+//! given like `depth,normal`.
 //!
-//! A coordinator in a process of its own takes blocks from simulated workers, tasks of this process that send
-//! ready-made images, each over its own connection. What it takes in per second of its own CPU time is compared with
-//! what one core can copy and sum. Meanwhile somebody asks for its status and its page, again and again.
+//! A coordinator in a separate process accepts blocks from simulated workers, tasks of this process that send
+//! ready-made images, each over its own connection. What it accepts per second of its CPU time is compared with what
+//! one core can copy and sum. Meanwhile an onlooker keeps asking for its status and its page.
 
 use beamfarm_coordinator::{Farm, JobSpec, Start, Terms, Timing, Watch, server};
 use beamfarm_image::bundle::Bundle;
@@ -35,7 +35,7 @@ use tonic::transport::Channel;
 
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
-/// What a pass looks like.
+/// The format of a pass.
 #[derive(Clone)]
 struct Shape {
     width: u32,
@@ -44,7 +44,7 @@ struct Shape {
 }
 
 impl Shape {
-    /// Of the rest of the command line.
+    /// Parsed from the rest of the command line.
     fn read(mut args: impl Iterator<Item = String>) -> Result<Self, AnyError> {
         let size = args.next().unwrap_or_else(|| "1280x720".into());
         let (width, height) = size.split_once('x').ok_or("expected WIDTHxHEIGHT")?;
@@ -83,7 +83,7 @@ impl Shape {
     }
 }
 
-/// The same with only so many values a pixel, as layers have them.
+/// The same with only this many values per pixel, as layers have them.
 fn used(film: &Film, channels: usize) -> Film {
     let mut film = film.clone();
     for pixel in &mut film.pixels {
@@ -134,7 +134,7 @@ fn main() -> Result<(), AnyError> {
     let url = lines.next().ok_or("no address")??;
     let before = cpu_seconds(child.id())?;
     let runtime = tokio::runtime::Builder::new_current_thread()
-        // Making images must not keep this thread from answering.
+        // Image encoding must not keep this thread from answering.
         .max_blocking_threads(1)
         .enable_all()
         .build()?;
@@ -172,7 +172,7 @@ fn main() -> Result<(), AnyError> {
     Ok(())
 }
 
-/// Serve one job. Ends with its standard input.
+/// Serves one job. Ends with its standard input.
 fn coordinator(passes: u64, shape: &Shape) -> Result<(), AnyError> {
     let scene = "scene.toml".to_owned();
     let spec = JobSpec {
@@ -205,7 +205,7 @@ fn coordinator(passes: u64, shape: &Shape) -> Result<(), AnyError> {
     })
 }
 
-/// Seconds that one core takes to copy a block's bytes, and to add it to the sum.
+/// Seconds that one core takes to copy a block's bytes, and to add the block to the sum.
 fn one_core(shape: &Shape) -> (f64, f64) {
     const BLOCKS: u64 = 64;
     let film = shape.noise();
@@ -231,9 +231,9 @@ fn one_core(shape: &Shape) -> (f64, f64) {
     (copied, added / BLOCKS as f64)
 }
 
-/// All workers at once, until all blocks have been taken.
+/// Runs all workers at once until all blocks have been accepted.
 ///
-/// Returns how many there were: passes arrive in larger ones when the coordinator has too much to do.
+/// Returns how many blocks there were: passes arrive in larger blocks when the coordinator is overloaded.
 async fn crowd(url: &str, workers: u64, passes: u64, shape: &Shape, coordinator: u32) -> Result<u64, AnyError> {
     let ready = Arc::new(ReadyMade {
         film: shape.noise(),
@@ -264,7 +264,7 @@ async fn crowd(url: &str, workers: u64, passes: u64, shape: &Shape, coordinator:
     }
 }
 
-/// Asks for status and page, and how long the answers take, seconds.
+/// Keeps asking for status and page; measures the answers in seconds.
 async fn onlooker(url: String, answered: Arc<Mutex<Vec<[f64; 2]>>>) -> Result<(), AnyError> {
     let mut control = ControlClient::connect(url.clone()).await?;
     loop {
@@ -303,7 +303,7 @@ async fn register(url: &str, index: u64) -> Result<(FarmClient<Channel>, wire::R
 }
 
 async fn worker(url: String, index: u64, ready: Arc<ReadyMade>, taken: Arc<AtomicU64>) -> Result<(), AnyError> {
-    // A thousand at the same moment are more than a socket lets wait: again a little later, as workers do.
+    // A thousand at the same moment exceed the socket's backlog: retry a little later, as workers do.
     let (mut farm, reply) = loop {
         match register(&url, index).await {
             Ok(registered) => break registered,
@@ -348,7 +348,7 @@ async fn worker(url: String, index: u64, ready: Arc<ReadyMade>, taken: Arc<Atomi
                 hash: hash.to_wire(),
                 stats: None,
             };
-            // As workers do: when too much arrives at the same time, again a little later.
+            // As workers do: when too much arrives at once, retry a little later.
             let mut pause = Duration::from_millis(50);
             loop {
                 let mut rest = [head.clone(), tail.clone()];
@@ -376,19 +376,19 @@ async fn worker(url: String, index: u64, ready: Arc<ReadyMade>, taken: Arc<Atomi
     }
 }
 
-/// A block as it is sent.
+/// An encoded block.
 struct Image {
     head: Bytes,
-    /// Shared by all blocks of a level: a thousand of them would not fit into memory.
+    /// Shared by all blocks of a level: a thousand copies would not fit into memory.
     tail: Bytes,
     hash: FileHash,
 }
 
-/// Makes blocks that hold the same film again and again.
+/// Makes blocks that always hold the same film.
 struct ReadyMade {
     film: Film,
     shape: Shape,
-    /// One of each level, and its bytes.
+    /// One block of each level, and its bytes.
     known: Mutex<BTreeMap<u32, (Node, Bytes)>>,
 }
 

@@ -8,10 +8,10 @@
 //! cargo run --release -p beamfarm-tests --example flicker -- each.####.exr clean.####.exr 1 8
 //! ```
 //!
-//! The error of a frame is how far it is from its clean one. What is told is its root mean square, as a share of the
-//! mean, and that of its change from each frame to the next, as a share of what it were if the two had nothing to do
-//! with each other: 0 is noise that stands still, 1 is new noise in every frame. Both are too large by the clean
-//! frames' own error.
+//! A frame's error is its difference from the clean frame. The program prints the error's root mean square as a share
+//! of the mean, and the root mean square of its change from frame to frame as a share of what independent errors would
+//! give: 0 is noise that stands still, 1 is new noise in every frame. Both are too large by the clean frames' own
+//! error.
 
 use beamfarm_image::exr::read_rgb;
 use beamfarm_image::film::Film;

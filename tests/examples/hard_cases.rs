@@ -1,5 +1,4 @@
-//! What is hard on the numbers, each case rendered, as a table: `cargo run --release -p beamfarm-tests --example
-//! hard_cases`.
+//! A table of numerically hard cases, each rendered: `cargo run --release -p beamfarm-tests --example hard_cases`.
 
 use beamfarm_harness::hard_cases::{Case, Outcome, cases, ordinary};
 use std::time::Instant;
@@ -12,7 +11,7 @@ fn main() {
         (outcome, seconds / case.passes as f64)
     };
     let ordinary = ordinary();
-    // The first is for caches and clocks.
+    // The first run warms up caches and clocks.
     timed(&ordinary);
     let (_, usual) = timed(&ordinary);
     println!("| case | beams a pass | evaluations a pass | radiance over truth | time a pass |");

@@ -1,14 +1,13 @@
 //! How quickly the live view follows: `cargo run --release -p beamfarm-tests --example live_latency --
 //! target/release/beamfarm SCENE ... [--workers N] [--seconds S] [--passes K]`.
 //!
-//! Of each scene, a copy is opened by `beamfarm live` in headless Chromium with a picture 960 pixels wide, and a light
-//! of it is dragged, or turned where it stands nowhere, by 20 mouse events a second for ten seconds. The page says how
-//! long it took from each event until a picture that shows it was on the page (User Timing: "change to picture"), and
-//! when pictures came. Then the light is let go: how soon is there a sketch of full size, and how soon the first pass?
-//! At last the scene is saved, rendered by `beamfarm render` with as many passes as the page had, and compared bit by
-//! bit.
+//! For each scene, `beamfarm live` opens a copy in headless Chromium with a picture 960 pixels wide. One of its lights
+//! is dragged, or turned if it has no position, by 20 mouse events a second for ten seconds. The page measures the time
+//! from each event until the page shows a picture of it (User Timing: "change to picture"), and when pictures arrive.
+//! Then the light is released: how soon does a sketch of full size arrive, and how soon the first pass? Finally the
+//! scene is saved, rendered by `beamfarm render` with as many passes as the page had, and compared bit by bit.
 //!
-//! `--workers N`: N worker processes of `beamfarm worker`, of one thread each, in place of the view's own.
+//! `--workers N`: N processes of `beamfarm worker` with one thread each instead of the view's own.
 
 use beamfarm_harness::browser::Browser;
 use beamfarm_image::exr::{pixel_hash, read_rgb};
@@ -21,7 +20,7 @@ use std::time::{Duration, Instant};
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
 const TOKEN: &str = "a-token-for-measuring";
-/// Mouse events a second.
+/// Mouse events per second.
 const RATE: f64 = 20.0;
 
 struct Options {
@@ -87,7 +86,7 @@ fn main() -> Result<(), AnyError> {
     }
 }
 
-/// Ended when dropped.
+/// Killed when dropped.
 struct Process(Child);
 
 impl Drop for Process {
@@ -98,19 +97,19 @@ impl Drop for Process {
 }
 
 struct Measured {
-    /// Median, 95th percentile and most, milliseconds.
+    /// Median, 95th percentile and maximum, milliseconds.
     latency: [f64; 3],
     pictures_a_second: f64,
     /// 95th percentile of the time between pictures, milliseconds.
     gap: f64,
-    /// From letting go, seconds.
+    /// From the release, seconds.
     full_size: f64,
     first_pass: f64,
     passes: u64,
     is_exact: bool,
 }
 
-/// A copy of a scene and of what lies beside it.
+/// Copies a scene and the files next to it.
 fn copy(scene: &Path) -> Result<(tempfile::TempDir, PathBuf), AnyError> {
     let folder = tempfile::tempdir()?;
     let from = scene.parent().ok_or("expected a file")?;
@@ -132,7 +131,7 @@ fn copy(scene: &Path) -> Result<(tempfile::TempDir, PathBuf), AnyError> {
     Ok((folder, path))
 }
 
-/// Begin the view; the link to its page.
+/// Starts the view; returns the link to its page.
 fn begin(options: &Options, scene: &Path) -> Result<(Process, String), AnyError> {
     let mut command = Command::new(&options.program);
     command
@@ -152,7 +151,7 @@ fn begin(options: &Options, scene: &Path) -> Result<(Process, String), AnyError>
     let mut lines = lines.map_while(Result::ok);
     let page = lines.find_map(|line| line.strip_prefix("page: ").map(str::to_owned));
     let page = page.ok_or("the view names no address")?;
-    // What it says later is not to stop it.
+    // Its later output must not block it.
     std::thread::spawn(move || lines.for_each(|line| eprintln!("{line}")));
     Ok((process, page))
 }
@@ -178,7 +177,7 @@ fn workers(options: &Options, url: &str) -> Result<Vec<Process>, AnyError> {
     (0..options.workers).map(start).collect()
 }
 
-/// Where the middle of the handle is that is dragged, in the page's pixels, and what kind it is of.
+/// The centre of the handle to drag, in the page's pixels, and its kind.
 const HANDLE: &str = "(() => {
     const grips = [...document.querySelectorAll('#overlay .grip')];
     const shown = (grip) => {
@@ -215,7 +214,7 @@ fn mouse(page: &mut Browser, kind: &str, [x, y]: [f64; 2], held: bool) {
     page.call("Input.dispatchMouseEvent", event);
 }
 
-/// A handle to drag: from further away, if there is none in the picture; else of something that is no light by itself.
+/// A handle to drag: after moving back if there is none in the picture; otherwise on something that is no light itself.
 fn find(page: &mut Browser) -> Option<Value> {
     let wheel = |page: &mut Browser| {
         let event = json!({"type": "mouseWheel", "x": 500, "y": 400, "deltaX": 0, "deltaY": 120});
@@ -234,7 +233,7 @@ fn find(page: &mut Browser) -> Option<Value> {
                 break;
             }
         }
-        // All handles, of shapes that shine among them.
+        // All handles, including those of emitting shapes.
         page.evaluate("document.getElementById('handles').click(); 0");
         std::thread::sleep(Duration::from_millis(500));
     }
@@ -251,19 +250,19 @@ fn measure(options: &Options, scene: &Path) -> Result<Measured, AnyError> {
     let (url, _) = link.split_once("/enter#").ok_or("the view names no token")?;
     let crew = workers(options, url)?;
     let mut page = Browser::open(&link);
-    // The picture is 960 wide, and the panel stands beside it.
+    // The picture is 960 wide, and the panel is next to it.
     page.call(
         "Emulation.setDeviceMetricsOverride",
         json!({"width": 1320, "height": 900, "deviceScaleFactor": 1, "mobile": false}),
     );
     page.wait_for("document.getElementById('canvas')?.dataset.frame !== undefined");
     page.wait_for("document.querySelectorAll('#overlay .grip').length > 0");
-    // What was rendered at the start does not count.
+    // What is rendered at the start does not count.
     std::thread::sleep(Duration::from_secs(1));
     let handle = find(&mut page).ok_or_else(|| format!("{}: no light is in the picture", scene.display()))?;
     let mut at = point(&handle["at"]);
     let mut around = None;
-    // One that stands nowhere is turned by its ring.
+    // A light without a position is turned by its ring.
     mouse(&mut page, "mouseMoved", at, false);
     mouse(&mut page, "mousePressed", at, true);
     mouse(&mut page, "mouseReleased", at, false);
@@ -271,7 +270,7 @@ fn measure(options: &Options, scene: &Path) -> Result<Measured, AnyError> {
     let moves = format!(
         "document.querySelector('#overlay .grip[data-name=\"{name}\"]:not(.ring)').classList.contains('is-still')"
     );
-    // A click and a drag are no double click.
+    // A click and a drag must not count as a double click.
     std::thread::sleep(Duration::from_secs(1));
     if page.evaluate(&moves) == json!(true) {
         page.wait_for(&format!("{RING} !== null"));
@@ -289,7 +288,7 @@ fn measure(options: &Options, scene: &Path) -> Result<Measured, AnyError> {
         if time > options.seconds {
             break;
         }
-        // To and fro, and a little up and down.
+        // Back and forth, and a little up and down.
         let angle = time * 1.3;
         place = match around {
             None => [at[0] + 60.0 * libm::sin(angle), at[1] + 25.0 * libm::sin(1.7 * angle)],
@@ -396,7 +395,7 @@ fn quantile(values: &[f64], share: f64) -> f64 {
     sorted.get(at).copied().unwrap_or(f64::NAN)
 }
 
-/// What the image says of itself.
+/// The number of passes in the image's metadata.
 fn passes_of(path: &Path) -> Result<u64, AnyError> {
     use exr::prelude::*;
     let image = read_all_data_from_file(path)?;

@@ -1,4 +1,4 @@
-//! One random scene, by its seed: compared, printed, or made smaller as long as it stays wrong.
+//! One random scene, by its seed: compared, printed, or reduced as long as it stays wrong.
 //!
 //!     cargo run -p beamfarm-tests --example random_scene -- SEED [--print] [--shrink] [--images N] [--samples N]
 //!     cargo run -p beamfarm-tests --example random_scene -- SEED --write FOLDER

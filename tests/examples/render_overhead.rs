@@ -1,14 +1,13 @@
-//! What `beamfarm render` takes over rendering alone:
-//! `cargo run --release -p beamfarm-tests --example render_overhead -- target/release/beamfarm TURNS SCENE PASSES
-//! [SCENE PASSES]...`.
+//! What `beamfarm render` takes beyond rendering alone: `cargo run --release -p beamfarm-tests --example
+//! render_overhead -- target/release/beamfarm TURNS SCENE PASSES [SCENE PASSES]...`.
 //!
-//! The whole command `render`, from its start to its end, and the whole command `bench` take turns, with as many
-//! passes and with all cores. Both read the scene twice, in two processes, let the same pilot choose, and look at the
-//! image after 1, 2, 4, ... passes. `render` alone leases and sends passes, adds them up in another process and writes
-//! EXR and PNG; `bench` alone draws its plots. Told are the medians of the ratios of a turn.
+//! The whole commands `render` and `bench` take turns, with the same number of passes and all cores. Both read the
+//! scene twice, in two processes, use the same pilot, and look at the image after 1, 2, 4, ... passes. Only `render`
+//! leases and sends passes, adds them up in another process and writes EXR and PNG; only `bench` draws plots. The
+//! program prints the medians of the ratios of the turns.
 //!
-//! `-- target/release/beamfarm short COUNT SCENE [OPTION]...` renders a quick scene so many times and tells how long
-//! each took: none may take far longer than most.
+//! `-- target/release/beamfarm short COUNT SCENE [OPTION]...` renders a quick scene COUNT times and prints how long
+//! each run took: none may take far longer than most.
 
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -16,7 +15,7 @@ use std::time::Instant;
 type AnyError = Box<dyn std::error::Error>;
 
 const USAGE: &str = "expected the program, TURNS and pairs of SCENE PASSES, or the program, short, COUNT and a SCENE";
-/// So many times the median is far longer.
+/// More than this many times the median is far longer.
 const FAR_LONGER: f64 = 3.0;
 
 fn main() -> Result<(), AnyError> {
@@ -57,7 +56,7 @@ fn compare(program: &str, turns: usize, scene: &str, passes: &str) -> Result<(),
     println!("{scene}, {passes} passes: render, bench");
     let mut ratios: [Vec<f64>; 2] = Default::default();
     for turn in 0..turns {
-        // Neither is always the one that comes after the other.
+        // They alternate in who goes first.
         let (render, bench) = match turn % 2 {
             0 => (render()?, bench()?),
             _ => {
@@ -109,7 +108,7 @@ fn time(command: &mut Command) -> Result<Took, AnyError> {
     })
 }
 
-/// CPU seconds of the processes that this one has waited for, and of theirs (Linux).
+/// CPU seconds of this process's finished children, and of theirs (Linux).
 fn cpu_seconds() -> Result<f64, AnyError> {
     let text = std::fs::read_to_string("/proc/self/stat")?;
     let fields = text.rsplit(')').next().unwrap_or("").split_whitespace();

@@ -4,9 +4,9 @@
 //! cargo run --release -p beamfarm-tests --example wavelengths -- SCENE.toml REFERENCE.exr PASSES SCALE [TWIN.exr]
 //! ```
 //!
-//! Passes with 1, 2, 4, 8, 16 and 32 wavelengths are averaged and compared with a reference: what is told is relMSE of
-//! the luminance and of the channels, and the time. Against a twin, a reference of the same scene with indices that are
-//! the same for all wavelengths, the scene is rendered with those as well.
+//! The program averages passes with 1, 2, 4, 8, 16 and 32 wavelengths, compares them with a reference, and prints the
+//! relMSE of the luminance and of the channels, and the time. With a twin, a reference of the same scene with indices
+//! that do not depend on wavelength, it renders that scene as well.
 
 use beamfarm_image::exr::read_rgb;
 use beamfarm_image::film::Film;
@@ -85,7 +85,7 @@ fn report(name: &str, scene: &Scene, waves: u8, passes: u64, truth: &Film) {
     println!("{name:>14}: relMSE of luminance {of_luminance:.5}, of channels {of_channels:.5}, {seconds:.1} s");
 }
 
-/// Without the largest thousandth, which few pixels of the reference's own noise are.
+/// Without the largest thousandth, which is noise of a few pixels of the reference.
 fn trimmed_mean(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let kept = values.len() - values.len() / 1000;

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Instructions that three small renders take, and where, against what was recorded.
+"""Instructions that three small renders take, and where, against recorded counts.
 
     python3 tests/instructions/count.py            compare with tests/instructions/recorded.json; exit 1 beyond 2 %
-    python3 tests/instructions/count.py --record   record what is measured now
+    python3 tests/instructions/count.py --record   record the present counts
 
-Needs valgrind. Instructions are nearly the same from run to run, where times on a shared machine are not. valgrind has no
-512-bit vectors, so what is counted is the AVX2 code; counts of another compiler or processor differ. One thread, one pass.
+Needs valgrind. Instruction counts are nearly the same from run to run; times on a shared machine are not. valgrind has
+no 512-bit vectors, so the AVX2 code is counted; counts of another compiler or processor differ. One thread, one pass.
 """
 
 import argparse
@@ -20,7 +20,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 RECORDED = HERE / "recorded.json"
 SCENES = ["fog", "smoke", "glass"]
-# Below this share of a render a function is noise; moves smaller than this are not told.
+# Below this share of a render a function is noise; smaller changes are not reported.
 SHARE = 0.005
 TOLERANCE = 0.02
 

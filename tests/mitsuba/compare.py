@@ -1,22 +1,23 @@
 #!/usr/bin/env python3
-"""Render Mitsuba scenes with Mitsuba 3 and with beamfarm, and say how far apart the pictures are.
+"""Renders Mitsuba scenes with Mitsuba 3 and with beamfarm, and prints how far apart the pictures are.
 
     pip install mitsuba numpy
     cargo build --release
-    python tests/mitsuba/compare.py                           # the scenes beside this file, against their references
+    python tests/mitsuba/compare.py                           # the scenes next to this file, against their references
     python tests/mitsuba/compare.py --seconds 60 my.xml ...   # any scenes, against Mitsuba itself
     python tests/mitsuba/compare.py --write --seconds 300     # make the references anew
     python tests/mitsuba/compare.py --points --seconds 10     # what Mitsuba reaches in that time, for bench.toml
 
-Mitsuba needs an LLVM library for its fast variants: if it does not find one, name it in DRJIT_LIBLLVM_PATH.
+Mitsuba needs an LLVM library for its fast variants: if it does not find one, set DRJIT_LIBLLVM_PATH.
 
 Printed for each scene, over linear RGB:
   mean ratio   beamfarm / Mitsuba by channel, +- its standard error
-  relMSE       mean of (x - ref)^2 / (ref^2 + 0.01), the noise of both subtracted
+  relMSE       mean of (x - ref)^2 / (ref^2 + 0.01), less the noise of both
   block        the 8 x 8 block whose mean is off by most: per cent of the reference, and standard errors
 
-A reference is an EXR with R, G, B, the mean of many independent renders, and stderr.R, .G, .B: the standard error of the mean
-of the 8 x 8 block that the pixel is in. (That of a pixel would not do: reconstruction filters correlate neighbours.)
+A reference is an EXR with R, G, B, the mean of many independent renders, and stderr.R, .G, .B: the standard error of
+the mean of the 8 x 8 block that the pixel is in. (A pixel's own would not do: reconstruction filters correlate
+neighbours.)
 """
 
 import argparse
@@ -58,7 +59,7 @@ def with_mitsuba(xml, seconds):
     mi.set_variant("llvm_ad_rgb" if "llvm_ad_rgb" in mi.variants() else "scalar_rgb")
     mi.set_log_level(mi.LogLevel.Error)
     scene = mi.load_file(str(xml))
-    # The length of a run is chosen so that there are enough of them for a standard error.
+    # The length of a run is chosen so that there are enough runs for a standard error.
     spp, images, begun = 16, [], time.time()
     while len(images) < 16 or time.time() - begun < seconds:
         started = time.time()
@@ -99,13 +100,13 @@ def read(file):
 
 
 def point_of_mitsuba(xml, seconds):
-    """Mitsuba's relMSE after so many seconds of rendering, against what bench.toml compares with."""
+    """Mitsuba's relMSE after this many seconds of rendering, for bench.toml to compare with."""
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb" if "llvm_ad_rgb" in mi.variants() else "scalar_rgb")
     mi.set_log_level(mi.LogLevel.Error)
     scene = mi.load_file(str(xml))
-    # Twice: the first compiles. Short renders, so that none reaches far beyond the end.
+    # Twice: the first run compiles. Short renders, so that none ends much too late.
     spp = 16
     for seed in range(2):
         begun = time.time()
@@ -131,14 +132,14 @@ def write_reference(file, estimate):
 
 
 class Reference:
-    """What was written by write_reference."""
+    """A reference that write_reference wrote."""
 
     def __init__(self, file):
         self.mean, error = read(file)
         self.block_error = blocks(error)
         count = np.prod(self.block_error.shape[:2])
         self.whole_error = np.sqrt((self.block_error**2).sum((0, 1))) / count
-        # Independent pixels: the least that fits the blocks' errors.
+        # As for independent pixels: the least that is consistent with the blocks' errors.
         self.pixel_error = error * BLOCK
 
 

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Compares light that is split with Mitsuba 3.
+"""Compares dispersion with Mitsuba 3.
 
-Mitsuba's dielectrics have one index of refraction in all of its variants: two scenes of grey surfaces are rendered once for
-each of a number of wavelengths, with the index that Sellmeier's formula gives, and summed with the CIE 1931 observer under
-D65. beamfarm renders the same scenes by passes and by its path tracer; means and blocks of 16 x 16 pixels are compared.
+Mitsuba's dielectrics have one index of refraction in all of its variants. So two scenes of grey surfaces are rendered
+once for each of several wavelengths, with the index from Sellmeier's formula, and summed with the CIE 1931 observer
+under D65. beamfarm renders the same scenes by passes and by its path tracer; means and blocks of 16 x 16 pixels are
+compared.
 
     pip install mitsuba colour-science numpy
     tests/mitsuba/dispersion.py target/release/beamfarm
@@ -31,7 +32,7 @@ PRISM_FILE = Path(tempfile.mkdtemp()) / "prism.ply"
 
 
 def write_prism():
-    """The prism of scenes/meshes in triangles, which Mitsuba's reader wants."""
+    """The prism of scenes/meshes as triangles, which Mitsuba's reader requires."""
     corners = [math.radians(angle) for angle in (90, 210, 330)]
     points = [(math.cos(a) / math.sqrt(3), math.sin(a) / math.sqrt(3), z) for z in (-1, 1) for a in corners]
     faces = [(0, 2, 1), (3, 4, 5)]
@@ -51,14 +52,14 @@ def index(nm):
 
 
 def weights():
-    """Wavelengths and what their images count in linear sRGB."""
+    """Wavelengths, and the weights of their images in linear sRGB."""
     table = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy()
     fine = colour.SpectralShape(380, 780, 1)
     xyz = table.align(fine).values
     daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(fine).values
     rgb = (xyz * daylight[:, None]) @ np.array(colour.RGB_COLOURSPACES["sRGB"].matrix_XYZ_to_RGB).T
     rgb /= rgb.sum(axis=0)
-    # Equal parts of what luminance and channels want.
+    # Equal parts of the summed absolute weights.
     density = np.abs(rgb).sum(axis=1)
     part = np.minimum((np.cumsum(density) / density.sum() * WAVES).astype(int), WAVES - 1)
     nms = np.arange(380, 781)

@@ -1,18 +1,18 @@
 #!/usr/bin/env python3
-"""Which of a folder of Mitsuba scenes are read, by beamfarm and by Mitsuba, and what stops the others.
+"""Which Mitsuba scenes of a folder beamfarm and Mitsuba can read, and what stops the others.
 
     cargo build --release
-    python tests/mitsuba/read.py ~/scenes                    # a table, then what refuses how many files
+    python tests/mitsuba/read.py ~/scenes                    # a table, then refusals by number of files
     python tests/mitsuba/read.py ~/scenes --no-mitsuba       # without asking Mitsuba
     python tests/mitsuba/read.py ~/scenes --csv table.csv    # the table as a file
 
-Every .xml below the folder that has a <scene> and a sensor, its includes counted, is one line: yes, or the refusals. A
-file that a scene names and that is not there is counted apart ("missing"): it says nothing about the reader. Mitsuba
-(pip install mitsuba, variant scalar_rgb) loads each file in a process of its own, with a time limit; what it reads is
-kept beside the scenes (.mitsuba-reads.json), since it does not change.
+Every .xml below the folder that has a <scene> and a sensor, also through includes, gets one line: yes, or the refusals.
+A missing file that a scene names is counted separately ("missing"): it says nothing about the reader. Mitsuba (pip
+install mitsuba, variant scalar_rgb) loads each file in a separate process, with a time limit; its results are kept next
+to the scenes (.mitsuba-reads.json), since they do not change.
 
-The list at the end names refusals with their names and numbers taken out, and how many files have each, those first
-that Mitsuba reads. "alone" counts the files that nothing else stops.
+The list at the end gives refusals without names and numbers, and how many files have each, those that Mitsuba reads
+first. "alone" counts the files that nothing else stops.
 """
 
 import argparse
@@ -38,7 +38,7 @@ mi.load_file(sys.argv[1])
 
 
 def scenes(folder):
-    """Files with a scene and a sensor; those that others include have none."""
+    """Files with a scene and a sensor; files that are only included have none."""
     for path in sorted(folder.rglob("*.xml")):
         text = re.sub(r"<!--.*?-->", "", path.read_text(errors="replace"), flags=re.S)
         if "<scene" in text and re.search(r"<(sensor|camera|include)\b", text):
@@ -61,7 +61,7 @@ def by_mitsuba(path, seconds):
 
 
 def by_beamfarm(program, path, seconds):
-    """The refusals, each a line without file and line number; empty when it is read."""
+    """The refusals, each a line without file and line number; empty if the file is read."""
     with tempfile.TemporaryDirectory() as folder:
         command = [*program, path.name, f"{folder}/scene.toml"]
         try:

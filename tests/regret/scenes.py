@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Write the suite by which the program's own choices are measured: SUITE.toml and its scenes, into a folder.
+"""Writes the suite that measures the program's own choices: SUITE.toml and its scenes, into a folder.
 
     cargo build --release && cargo build -p beamfarm-tests --example random_scene
     python3 tests/regret/scenes.py out/regret
     target/release/beamfarm bench --suite out/regret/suite.toml --regret --seconds 10 -o out/regret/found
 
-The example scenes and those of tests/mitsuba, smaller where they are large, forty random ones, and those below: rooms
-of the kinds that people have, each with neighbours that differ in a size, a lamp or a material.
+The example scenes and those of tests/mitsuba, reduced where they are large, forty random ones, and those below: typical
+rooms, each with variants that differ in a size, a lamp or a material.
 """
 
 import pathlib
@@ -22,7 +22,7 @@ AIR = '[materials.air]\ntype = "null"\n'
 
 
 def image(width=96, height=64):
-    # Jobs as long as those that people start: a pilot takes a share of them.
+    # Jobs as long as typical ones: a pilot takes a share of them.
     return f"[image]\nwidth = {width}\nheight = {height}\n[render]\npasses = 2000\n"
 
 
@@ -84,7 +84,7 @@ def fog(sigma_s, sigma_a=0.02, g=0.4):
 
 
 def room(width, height, depth):
-    """Closed but for a window of a fifth of the wall at -x."""
+    """A room that is closed except for a window of a fifth of the wall at -x."""
     w, h, d = width / 2, height / 2, depth / 2
     walls = [
         shape("rectangle", "grey", "", scale(w, d, 1), FLAT),
@@ -93,7 +93,7 @@ def room(width, height, depth):
         shape("rectangle", "grey", "", scale(w, h, 1), move(0, h, d)),
         shape("rectangle", "grey", "", scale(d, h, 1), turn((0, 1, 0), 90), move(w, h, 0)),
     ]
-    # Around the window: below, above, and at both sides.
+    # Around the window: below, above, and on both sides.
     side = lambda y0, y1, z0, z1: shape(
         "cube", "grey", "", scale(0.05, (y1 - y0) / 2, (z1 - z0) / 2), move(-w, (y0 + y1) / 2, (z0 + z1) / 2)
     )
@@ -159,7 +159,7 @@ def scenes():
         if sigma:
             text += fog(f"[{sigma}, {1.2 * sigma}, {1.5 * sigma}]", f"[{2 * sigma}, {0.6 * sigma}, {0.4 * sigma}]", 0.8)
             inside = 'interior = "fog"\n'
-        # A body of water whose lower faces lie within the ground.
+        # A body of water whose lower faces are inside the ground.
         text += shape("cube", "water", inside, scale(2.05, depth / 2 + 0.05, 2.05), move(0, -depth / 2 - 0.15, 0))
         text += shape("rectangle", "grey", "", FLAT, scale(2), move(0, -depth, 0))
         for angle in (0, 90, 180, 270):
@@ -192,7 +192,7 @@ def scenes():
         text = image() + camera((0, 1.8, 8), (0, 1.2, 0), 50) + GREY.format(0.5) + GLASS + floor(20)
         if haze:
             text = '[world]\nmedium = "fog"\n' + text + fog(haze, 0.1 * haze)
-        # One of them stands before the camera, the rest far behind a wall.
+        # One of them stands in front of the camera, the rest far behind a wall.
         text += lamp(0.15, 0.8, 2.4, 0, 40) + ball(0.6, 0.7, 0, 0.4)
         text += shape("cube", "grey", "", scale(20, 6, 0.1), move(0, 6, -6))
         for number in range(count - 1):
@@ -247,7 +247,7 @@ def scenes():
     return made
 
 
-# Smaller pictures of the example scenes, which are for people to look at: their rows, to their columns, stay as they are.
+# Smaller pictures of the example scenes, which are sized for viewing; the aspect ratios stay.
 EXAMPLES = {
     "bumpy-sphere": 96, "cloud": 96, "diamond": 96, "disco-smoke": 128, "disco": 128, "glossy-gallery": 96,
     "headlights-fog": 96, "headlights": 96, "hero": 96, "hotel-night": 96, "hotel": 96, "light-linking": 96,
@@ -256,7 +256,7 @@ EXAMPLES = {
 
 
 def smaller(name, width):
-    """The scene without what it says of its passes, its files beside those of the repository."""
+    """The scene without its passes, with paths of files in the repository."""
     lines = (ROOT / "scenes" / f"{name}.toml").read_text().splitlines()
     sizes = {key: next(int(line.split("=")[1]) for line in lines if line.startswith(key)) for key in ("width", "height")}
     factor = width / sizes["width"]

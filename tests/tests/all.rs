@@ -1,5 +1,5 @@
-//! What is tested through the public interfaces of several crates. One program, since linking the renderer takes longer
-//! than most tests, and since all of them keep all cores busy to the end.
+//! Tests through the public interfaces of several crates. They form one program because linking the renderer takes
+//! longer than most tests, and because one program keeps all cores busy to the end.
 
 #![allow(clippy::unwrap_used)]
 

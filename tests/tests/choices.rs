@@ -1,5 +1,5 @@
-//! What the program chooses where a scene says nothing: on scenes of which the other choice is far worse, by tens of
-//! times the variance after the same time (`beamfarm bench --regret`).
+//! The program's defaults, on scenes where the other choice is far worse: tens of times the variance for the same time
+//! (`beamfarm bench --regret`).
 
 use beamfarm_harness::random_scene::RandomScene;
 use beamfarm_harness::render::scene;
@@ -19,8 +19,8 @@ fn chosen(scene: &Scene) -> (Candidate, RenderPlan) {
     (best, RenderPlan::new(scene, best.settings))
 }
 
-/// The sun through a slab of glass in the roof over a floor that goes on and on. Of a thousand photons that start
-/// anywhere one comes through, and a small picture may see none of them: that is no picture without noise.
+/// The sun through a slab of glass in the roof, over an endless floor. Without aiming, one photon in a thousand comes
+/// through and a small picture may see none: that is not a noise-free picture.
 #[test]
 fn the_sun_is_aimed_at_a_pane() {
     let roof = |side: [f32; 3], at: [f32; 3]| {
@@ -68,8 +68,8 @@ irradiance = 3
     assert!(candidate.settings.paths_per_pass > 2000, "{:?}", candidate.settings);
 }
 
-/// A ball far away that gives nearly all the light, over a mirror. Photons that start from all of it hardly ever come
-/// here, and pictures by them are without noise since they are without its caustics.
+/// A distant ball gives nearly all the light, over a mirror. Photons that start all over it hardly ever arrive, and
+/// pictures made with them have no noise because they lack its caustics.
 #[test]
 fn a_plan_that_lacks_the_light_of_others_is_not_taken() {
     for (radius, radiance) in [(5000, 265), (2000, 1600)] {
@@ -122,8 +122,8 @@ transform = [{{ scale = 100 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }
     }
 }
 
-/// A lamp far away over a mirror that goes on and on, beside fog and frosted glass: an aimed photon is worth hundreds.
-/// Small pictures by plain ones see nearly none of its caustics, and seem to be without noise.
+/// A distant lamp over an endless mirror, next to fog and frosted glass: an aimed photon is worth hundreds. Small
+/// pictures with plain photons see almost none of the caustics and seem noise-free.
 #[test]
 fn plain_photons_that_are_rare_are_not_taken_for_few() {
     let (candidate, plan) = chosen(&RandomScene::new(1274).load().unwrap());
@@ -131,10 +131,9 @@ fn plain_photons_that_are_rare_are_not_taken_for_few() {
     assert!(plan.targets.is_some() || by_paths, "{:?}", candidate.settings);
 }
 
-/// Fog in a cube of this height around a spot and a lens.
-/// A polished corner in a hall of some kilometres, under an open sky. Photons of the sky start over all of the hall, a
-/// millionth of them near what is seen; a plan that leaves to them what the walls mirror has a picture of little noise
-/// that is too dark. A word that asks for it is obeyed.
+/// Fog in a cube of this height around a spot and a lens. A polished corner in a hall of some kilometres, under an open
+/// sky. The sky's photons start over the whole hall, a millionth of them near what is seen; a plan that leaves the
+/// light of mirrors to them has a picture that is too dark and has little noise. An explicit setting is obeyed.
 #[test]
 fn light_of_the_sky_is_not_left_to_photons_in_a_huge_hall() {
     let text = r#"
@@ -182,7 +181,7 @@ intensity = 5
     assert_eq!(choice.settings().techniques.surfaces, Some(Technique::Photons));
 }
 
-/// Nor is that of a dome, of whose photons two in a hundred thousand come to a ball of rough glass in thin fog.
+/// Nor is the light of a dome, two in a hundred thousand of whose photons reach a ball of rough glass in thin fog.
 #[test]
 fn light_of_a_dome_is_not_left_to_photons() {
     let text = r#"
@@ -280,7 +279,7 @@ cutoff_angle = 14.5
     )
 }
 
-/// No box is too low for beams to be tried, and rules that hide a lamp from the camera decide nothing else.
+/// No box is too low for beams to be tried, and rules that hide a lamp from the camera change nothing else.
 #[test]
 fn fog_around_a_spot_has_beams_in_boxes_of_all_heights() {
     for height in [5.0, 5.7, 8.0, 16.0] {
@@ -291,7 +290,7 @@ fn fog_around_a_spot_has_beams_in_boxes_of_all_heights() {
     }
 }
 
-/// Whoever waits for five seconds does not wait for a pilot of four: it is counted work, so that it is the same
+/// A five-second job does not wait for a pilot of four seconds. The limit is counted in work, so that it is the same
 /// everywhere.
 #[test]
 fn short_jobs_have_short_pilots() {
@@ -307,13 +306,13 @@ fn short_jobs_have_short_pilots() {
     };
     let works = [1, 5, 20].map(|seconds| (seconds, work(seconds)));
     for (seconds, work) in works {
-        // A fifth of it, and the first pictures of a plan, which were begun before that was over.
+        // A fifth of it, and the first pictures of a plan that were begun before the limit.
         assert!(work < 0.2 * seconds as f64 + 0.2, "{seconds} s: {work}");
     }
     assert!(works[2].1 > 2.0 * works[0].1, "{works:?}");
 }
 
-/// Nothing is seen: there is nothing to choose by, and every number is one.
+/// Nothing is seen: there is nothing to choose by, but every number is set.
 #[test]
 fn a_dark_picture_has_a_plan() {
     let text = fog_box(5.7).replace("intensity = 2000", "intensity = 1e-30");

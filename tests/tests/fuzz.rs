@@ -1,5 +1,5 @@
 //! Every fuzz target on its seeds and on mutations of them: nothing panics, nothing takes more memory than its input
-//! allows, nothing takes long. Bounded and the same in every run; `tests/fuzz` is for searching on.
+//! allows, nothing takes long. Bounded and the same in every run; for an open-ended search use `tests/fuzz`.
 
 #![allow(clippy::unwrap_used)]
 
@@ -11,19 +11,19 @@ use std::cell::Cell;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Mutations of a target's seeds in all: as many where tests may take long, and otherwise.
+/// Mutations of a target's seeds in all: where tests may take long, and otherwise.
 const MUTATIONS: [usize; 2] = [3000, 1000];
-/// Memory that a reader may hold, in bytes: this, or `PER_BYTE` times its input if that is more.
+/// Memory in bytes that a reader may hold: this, or `PER_BYTE` times its input if that is more.
 const ALLOWED: usize = 256 << 20;
-/// For images that one colour may fill however short they are: 2^24 pixels, and their alpha.
+/// For images, in which a few bytes may fill any area with one colour: 2^24 pixels and their alpha.
 const ALLOWED_PACKED: usize = 512 << 20;
-/// For sparse volumes, whose tiles and empty bricks take next to nothing in the file: what 2^26 bricks take.
+/// For sparse volumes, whose tiles and empty bricks take almost nothing in the file: the size of 2^26 bricks.
 const ALLOWED_SPARSE: usize = 2 << 30;
 const PER_BYTE: usize = 64;
-/// Time that one input may take: far more than any takes.
+/// Time that one input may take: far more than any needs.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Counts what a thread holds.
+/// Counts the memory that a thread holds.
 struct Counting;
 
 thread_local! {
@@ -32,7 +32,7 @@ thread_local! {
 }
 
 fn count(change: isize) {
-    // A thread that ends has no cells any more.
+    // A thread that is ending has no cells any more.
     let _ = HELD.try_with(|held| {
         held.set(held.get() + change);
         let _ = MOST.try_with(|most| most.set(most.get().max(held.get())));
@@ -66,11 +66,11 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Seeds by name, in its order.
+/// Seeds by name, in that order.
 fn seeds(target: &Target) -> Vec<(String, Vec<u8>)> {
     let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
     let own = tests.join("fuzz/seeds").join(target.name);
-    // Volumes have test data already.
+    // Volumes have test data elsewhere.
     let volumes = matches!(target.name, "vdb" | "vol").then(|| tests.join("data/volumes"));
     let mut seeds = Vec::new();
     for folder in [Some(own), volumes].into_iter().flatten() {
@@ -156,7 +156,7 @@ macro_rules! targets {
 
 targets! { block control exr give_back gltf hdr jpeg ktx2 mitsuba obj ply png scene submit vdb vol webp wire }
 
-/// Otherwise mutations of them would get nowhere.
+/// Without deliveries that are accepted, mutations would get nowhere.
 #[test]
 fn good_deliveries_are_taken() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/submit");

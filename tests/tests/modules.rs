@@ -1,9 +1,9 @@
-//! The modules of a folder do not import each other in circles: what one finds in a file can be read without the files
-//! that use it.
+//! The modules of a folder do not import each other in circles, so that a file can be read without the files that use
+//! it.
 //!
-//! Of every folder, its files and subfolders are compared; whatever stands inside of a subfolder counts for it. A
-//! module may use what its parent's own file defines. Paths inside of macros are not seen. Tests may come in by the
-//! crate's door, like everybody else.
+//! In every folder, its files and subfolders are compared; everything inside a subfolder counts as that subfolder. A
+//! module may use what its parent's own file defines. Paths inside macros are not seen. Tests may use the crate's door
+//! like everybody else.
 
 use petgraph::algo::tarjan_scc;
 use petgraph::graphmap::DiGraphMap;
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::Visit;
 use syn::{Item, UseTree};
 
-/// The roots of all crates: their folder, and the file that they begin with.
+/// The root of every crate: its folder and its first file.
 const CRATES: [[&str; 2]; 10] = [
     ["addons/python/src", "lib.rs"],
     ["coordinator/core/src", "lib.rs"],
@@ -29,19 +29,19 @@ const CRATES: [[&str; 2]; 10] = [
 
 type Names = Vec<String>;
 
-/// What a file says of others.
+/// What a file imports and defines.
 #[derive(Default)]
 struct Module {
     /// Names of its items.
     items: BTreeSet<String>,
-    /// Names that it imports, and from where; `*` for all of a module.
+    /// Names that it imports, and from where; `*` for a whole module.
     imports: Vec<(String, Names)>,
     /// All paths that lead out of it.
     paths: BTreeSet<Names>,
 }
 
 struct Reader<'a> {
-    /// Path of the module that is read, inline modules among it.
+    /// Path of the module being read, including inline modules.
     here: Names,
     /// How many of these are inline.
     inline: usize,
@@ -122,7 +122,7 @@ impl<'ast> Visit<'ast> for Reader<'_> {
     }
 }
 
-/// Whether a module is for tests alone.
+/// Whether a module is only for tests.
 fn is_test(module: &syn::ItemMod) -> bool {
     let is_test = |attribute: &syn::Attribute| {
         attribute.path().is_ident("cfg")
@@ -155,7 +155,7 @@ fn modules(root: &Path, first: &str) -> BTreeMap<Names, Module> {
     modules
 }
 
-/// Read a module's file and those of its children, which lie in `folder`.
+/// Reads a module's file and those of its children, which lie in `folder`.
 fn read_module(file: &Path, folder: &Path, path: Names, modules: &mut BTreeMap<Names, Module>) {
     let text = fs::read_to_string(file).expect("the module's file");
     let parsed = syn::parse_file(&text).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
@@ -185,7 +185,7 @@ fn read_module(file: &Path, folder: &Path, path: Names, modules: &mut BTreeMap<N
     }
 }
 
-/// The module that a path leads to, by way of imports that modules pass on.
+/// The module that a path leads to, followed through re-exports.
 fn home(modules: &BTreeMap<Names, Module>, target: &[String], depth: usize) -> Option<Names> {
     let known = (0..=target.len()).rev().find(|n| modules.contains_key(&target[..*n]))?;
     let (path, rest) = target.split_at(known);
@@ -251,8 +251,8 @@ fn no_modules_import_each_other_in_circles() {
     assert!(found.is_empty(), "circles of modules:\n{}", found.join("\n"));
 }
 
-/// The first file of a crate that others use is a door: it passes on what is defined behind it, and nothing behind it
-/// uses what is its own.
+/// The first file of a crate that others use is a door: it re-exports what is defined behind it, and nothing behind it
+/// uses its own items.
 #[test]
 fn doors_are_no_rooms() {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -273,7 +273,7 @@ fn doors_are_no_rooms() {
     );
 }
 
-/// A circle by way of what a parent passes on is one.
+/// A circle through a parent's re-export counts.
 #[test]
 fn circles_are_found() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -293,14 +293,14 @@ fn circles_are_found() {
     assert!(found[0].contains("a::deep uses b::f"), "{found:?}");
 }
 
-/// `cargo fmt` sees to code alone.
+/// `cargo fmt` checks code only.
 #[test]
 fn comments_are_at_most_120_columns_wide() {
     fn files(folder: &Path, found: &mut Vec<PathBuf>) {
         let entries = fs::read_dir(folder).expect("a folder");
         for entry in entries.map(|entry| entry.expect("an entry").path()) {
             if entry.is_dir() {
-                // What is generated has the comments of what it is generated from.
+                // Generated files have the comments of their source.
                 if !entry.ends_with("generated") {
                     files(&entry, found);
                 }
@@ -328,7 +328,7 @@ fn comments_are_at_most_120_columns_wide() {
     assert!(wide.is_empty(), "comments wider than 120 columns:\n{}", wide.join("\n"));
 }
 
-/// Every path of the map in README.md is there; names of files alone stand beside one.
+/// Every path of the map in README.md exists; a bare file name stands next to the path of its folder.
 #[test]
 fn the_map_is_true() {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -359,7 +359,7 @@ fn the_map_is_true() {
     assert!(seen > 25, "{seen}");
 }
 
-/// Rows of the table of a document that has this heading.
+/// Rows of the table under this heading of a document.
 fn rows(document: &str, heading: &str) -> Vec<String> {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(document);
     let text = fs::read_to_string(file).expect("a document");
@@ -368,12 +368,12 @@ fn rows(document: &str, heading: &str) -> Vec<String> {
     rows.map(str::to_owned).collect()
 }
 
-/// What stands between backquotes.
+/// The texts between backquotes.
 fn quoted(text: &str) -> impl Iterator<Item = &str> {
     text.split('`').skip(1).step_by(2)
 }
 
-/// Files of the program, tests apart, in which a line is found, by their names from the top.
+/// Files of the program, without tests, that contain a line, by path from the top.
 fn sources_with(is: impl Fn(&str) -> bool) -> BTreeSet<String> {
     fn visit(top: &Path, folder: &Path, is: &impl Fn(&str) -> bool, found: &mut BTreeSet<String>) {
         for entry in fs::read_dir(folder).expect("a folder") {
@@ -404,7 +404,7 @@ fn sources_with(is: impl Fn(&str) -> bool) -> BTreeSet<String> {
     found
 }
 
-/// Of every step the file is there and has what is looked for, and every source that has the example is a step.
+/// Every step's file exists and contains what the step looks for, and every source that contains the example is a step.
 #[test]
 fn the_way_of_a_field_is_true() {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -426,7 +426,7 @@ fn the_way_of_a_field_is_true() {
     assert!(missing.is_empty(), "no steps of the list: {missing:?}");
 }
 
-/// All sources that ask for a kind of light, and no others.
+/// All sources that match on a kind of light, and no others.
 #[test]
 fn what_knows_lights_is_true() {
     let mut listed: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
@@ -452,7 +452,7 @@ fn what_knows_lights_is_true() {
     }
 }
 
-/// Every term has a file that is there.
+/// Every term names a file that exists.
 #[test]
 fn the_glossary_is_true() {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

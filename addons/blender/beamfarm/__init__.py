@@ -1,6 +1,7 @@
 """beamfarm in Blender: a render engine for light in fog, smoke and water, and for caustics.
 
-`export` writes Blender's scenes as scene files; all else here runs the command `beamfarm` on them and shows what comes.
+`export` writes Blender's scenes as scene files; everything else runs the command `beamfarm` on them and shows the
+results.
 """
 
 from __future__ import annotations

@@ -20,16 +20,16 @@ from .export import write_scene
 from .viewport import sight
 from .viewport.session import Session
 
-# Seconds between looks at the job: for a cancel and the status line, and for a picture.
+# Seconds between checks of the job: for a cancel and the status line, and for a picture.
 _LOOK = 0.1
 _STATUS = 0.5
 _PICTURE = 1.0
-# Pictures on the way take at most this share of the time.
+# Intermediate pictures take at most this share of the time.
 _SHARE = 0.1
 
 
 class Failed(Exception):
-    """The frame cannot be rendered; the text is for people."""
+    """The frame cannot be rendered; the message is for the user."""
 
 
 class BeamfarmRenderEngine(bpy.types.RenderEngine):
@@ -37,11 +37,11 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
     bl_label = "beamfarm"
     bl_use_preview = False
     bl_use_postprocess = True
-    # Shader nodes are those of Cycles, and the material preview is EEVEE's.
+    # Shader nodes are those of Cycles, and EEVEE renders the material preview.
     bl_use_shading_nodes_custom = False
     bl_use_eevee_viewport = True
 
-    # Of a viewport; Blender makes an engine for each, and one for each render. Set late: `__init__` is Blender's.
+    # The viewport's; Blender makes an engine for each viewport and for each render. Set late: `__init__` is Blender's.
     _session: Session | None = None
     _canvas = None
     _wrong: str | None = None
@@ -58,9 +58,9 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         except (Failed, program.ProgramError) as error:
             self.report({"ERROR"}, str(error))
         except Exception as error:
-            # Blender shows an empty picture, and people no console.
+            # Otherwise Blender would show an empty picture and print only to the console.
             traceback.print_exc()
-            self.report({"ERROR"}, f"A fault of the add-on, see the console: {type(error).__name__}: {error}")
+            self.report({"ERROR"}, f"Error in the add-on, see the console: {type(error).__name__}: {error}")
 
     def _render(self, depsgraph: bpy.types.Depsgraph, folder: Path) -> None:
         # As it is in this frame: settings can be animated.
@@ -69,9 +69,9 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         path = settings.path()
         ends = frame.ends(scene.beamfarm)
         if not ends:
-            raise Failed("The render would never end: give passes, time or error in Render Properties > Sampling")
+            raise Failed("The render would never end: set passes, time or error in Render Properties > Sampling")
         if settings.use_farm and not settings.token:
-            raise Failed("Other machines may only work with a token: set one in Preferences > Add-ons > beamfarm")
+            raise Failed("Other machines need a token: set one in Preferences > Add-ons > beamfarm")
         if scene.render.use_multiview:
             raise Failed("Stereoscopy is not rendered: turn it off in Output Properties")
         self.update_stats("", "Writing the scene")
@@ -101,12 +101,12 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
             break
         if not picture.passes:
             if not output.is_file():
-                raise Failed("No pass was complete in the time: give more time")
-            self.report({"WARNING"}, "No pass was complete in the time, and the picture is a coarse one: give more time")
+                raise Failed("No pass was completed in the time: allow more time")
+            self.report({"WARNING"}, "No pass was completed in the time; this is a coarse picture: allow more time")
         self.update_progress(1.0)
 
     def _run(self, line: list[str], picture: Picture, path: Path, sketch: Path) -> tuple[job.Job, int | None]:
-        """Run the command to its end. Returns the job and its exit code, or None where it was cancelled."""
+        """Runs the command to its end. Returns the job and its exit code, or None if it was cancelled."""
         settings = preferences.get()
         self.update_stats("", "Starting beamfarm")
         try:
@@ -139,7 +139,7 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         if shown is None:
             return
         if self._canvas is None:
-            # There is no GPU without a window.
+            # Without a window there is no GPU.
             from .viewport.draw import Canvas
 
             self._canvas = Canvas()
@@ -164,13 +164,13 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
     def __del__(self) -> None:
         if self._session is not None:
             self._session.close()
-        # Blender 4.4 and later have one.
+        # Only Blender 4.4 and later have one.
         above = getattr(super(), "__del__", None)
         if above is not None:
             above()
 
     def is_stopped(self) -> bool:
-        """Whether somebody has pressed Escape."""
+        """Whether the user has pressed Escape."""
         return self.test_break()
 
     def _export(self, depsgraph: bpy.types.Depsgraph, folder: Path, shape: frame.Frame) -> Path:
@@ -187,11 +187,11 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         return result.scene
 
     def _go_to(self, time: float) -> None:
-        """Take the depsgraph of this render to a time, frames."""
+        """Sets the depsgraph of this render to a time, frames."""
         self.frame_set(*frame.parts(time))
 
     def _follow(self, running: job.Job, picture: Picture, path: Path, workers: list, sketch: Path) -> bool:
-        """Show how it goes until its end, at first a coarse picture. Returns whether it was cancelled."""
+        """Shows the progress until the end, starting with a coarse picture. Returns whether it was cancelled."""
         settings = preferences.get()
         next_status = next_picture = 0.0
         shown = 0
@@ -202,7 +202,7 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
                 return True
             now = time.monotonic()
             if sketch.is_file():
-                # It is there as a whole: it comes under its name when it is written.
+                # The file is complete: it gets its name only once it is written.
                 picture.show(sketch.read_bytes())
                 sketch.unlink()
             if settings.use_farm and not workers and running.url:
@@ -223,16 +223,17 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
 
 
 def _redraws(engine: BeamfarmRenderEngine) -> Callable[[], None]:
-    """Lets a viewport be drawn again, from another thread.
+    """A function that redraws a viewport from another thread.
 
-    Blender lets an engine go when its viewport is gone; whoever else held it would keep it from ending its session.
+    Blender releases an engine when its viewport is closed; a strong reference elsewhere would keep it from ending its
+    session.
     """
     known = weakref.ref(engine)
 
     def redraw() -> None:
         engine = known()
         if engine is not None:
-            # It may be gone all the same.
+            # It may be gone nevertheless.
             with contextlib.suppress(ReferenceError):
                 engine.tag_redraw()
 
@@ -240,7 +241,7 @@ def _redraws(engine: BeamfarmRenderEngine) -> Callable[[], None]:
 
 
 class Picture:
-    """The render result of a view layer, while it comes."""
+    """The render result of a view layer while it is being filled."""
 
     def __init__(
         self, engine: BeamfarmRenderEngine, layer: str, size: tuple[int, int], wanted: list, mattes: list[str]
@@ -251,7 +252,7 @@ class Picture:
             engine.add_pass(each.name, len(each.channels), each.channels, layer=layer)
 
     def show(self, data: bytes) -> None:
-        """Put the pixels of an EXR into it."""
+        """Puts the pixels of an EXR into it."""
         sources = {source for each in self.wanted for source in each.sources}
         try:
             channels = exr.read(data, {*passes.COMBINED, passes.ALPHA, *sources})
@@ -262,13 +263,13 @@ class Picture:
         width, height = self.size
         colour = [channels.get(name) for name in passes.COMBINED]
         if any(channel is None or channel.shape != (height, width) for channel in colour):
-            raise Failed(f"The picture is not one of {width} x {height} pixels")
+            raise Failed(f"The picture does not have {width} x {height} pixels")
         alpha = channels.get(passes.ALPHA)
         alpha = np.ones((height, width), np.float32) if alpha is None else alpha
-        # A group without a light has no layer: nothing comes from it.
+        # A group without lights has no layer and contributes nothing.
         black = np.zeros((height, width), np.float32)
         result = self.engine.begin_result(0, 0, width, height, layer=self.layer)
-        # A result that is not ended takes Blender down.
+        # A result that is not ended crashes Blender.
         try:
             of_layer = result.layers[0].passes
             _fill(of_layer["Combined"], [*colour, alpha])
@@ -283,7 +284,7 @@ class Picture:
 
 
 def _name_matte(result: bpy.types.RenderResult, name: str, manifest: str) -> None:
-    """By what the compositor's Cryptomatte node and files know a Cryptomatte."""
+    """Stores the names by which the compositor's Cryptomatte node and files know a Cryptomatte."""
     key = f"cryptomatte/{zlib.crc32(name.encode()):08x}"[:-1]
     fields = {"name": name, "hash": "MurmurHash3_32", "conversion": "uint32_to_float32", "manifest": manifest}
     for field, value in fields.items():

@@ -1,6 +1,6 @@
 """Reads the EXR files that beamfarm writes: one part, scan lines, 32-bit floats, ZIP.
 
-Blender has other ways to read an EXR, but none that is always there (OpenImageIO is not in every build), reads from
+Blender has other ways to read an EXR, but none that is always available (some builds lack OpenImageIO), reads from
 memory and gives single channels of any name. Most of the time goes to zlib.
 """
 
@@ -16,9 +16,9 @@ import numpy as np
 
 _MAGIC = b"\x76\x2f\x31\x01"
 _FLOAT = 2
-_LINES = {0: 1, 2: 1, 3: 16}  # rows of a block by compression: none, ZIPS, ZIP
+_LINES = {0: 1, 2: 1, 3: 16}  # rows per block by compression: none, ZIPS, ZIP
 _MOST_PIXELS = 1 << 28
-# Bytes that one byte of ZIP becomes, at most.
+# Largest expansion of ZIP: bytes per compressed byte.
 _LARGEST_RATIO = 1032
 _THREADS = min(8, os.cpu_count() or 1)
 
@@ -28,7 +28,7 @@ class ExrError(ValueError):
 
 
 class Header:
-    """What the head of a file says of its pixels."""
+    """The description of the pixels in a file's header."""
 
     def __init__(self, data: bytes) -> None:
         try:
@@ -92,7 +92,7 @@ def _name(data: bytes, at: int) -> tuple[str, int]:
 def read(data: bytes, wanted: Collection[str] | None = None) -> dict[str, np.ndarray]:
     """Channels by name, those of `wanted` or all, each of shape (height, width), the first row at the bottom.
 
-    Rows are upside down in the file: Blender counts them from the bottom.
+    The file has the rows in the opposite order: Blender counts them from the bottom.
     """
     try:
         return _read(data, wanted)
@@ -121,7 +121,7 @@ def _read(data: bytes, wanted: Collection[str] | None) -> dict[str, np.ndarray]:
         for place, name in picked:
             channels[name][bottom - rows : bottom] = values[::-1, place]
 
-    # Blocks have nothing to do with each other, and all that takes time here lets other threads run.
+    # Blocks are independent, and everything slow here releases the interpreter lock.
     with ThreadPoolExecutor(max_workers=min(_THREADS, count)) as pool:
         for _ in pool.map(take, struct.unpack_from(f"<{count}Q", data, header.end)):
             pass
@@ -129,14 +129,14 @@ def _read(data: bytes, wanted: Collection[str] | None) -> dict[str, np.ndarray]:
 
 
 def _unpacked(packed: bytes, size: int) -> np.ndarray:
-    """ZIP of OpenEXR: differences of bytes, whose even and odd places are apart. What would grow is stored."""
+    """OpenEXR's ZIP: byte differences, with even and odd bytes separated. Data that would grow are stored."""
     if len(packed) == size:
         return np.frombuffer(packed, np.uint8)
-    # One byte more than there may be: what unpacks to more is not unpacked.
+    # One byte more than allowed: anything larger is not unpacked further.
     raw = np.frombuffer(zlib.decompressobj().decompress(packed, size + 1), np.uint8)
     if len(raw) != size:
-        raise ExrError(f"a block that has not the {size} bytes that it claims")
-    # Each byte is the one before plus what is here minus 128, modulo 256; the first one is itself.
+        raise ExrError(f"a block without the {size} bytes that it claims")
+    # Each byte is the previous one plus this one minus 128, modulo 256; the first one is itself.
     steps = raw + np.uint8(128)
     steps[0] = raw[0]
     apart = np.add.accumulate(steps, dtype=np.uint8)
@@ -148,13 +148,13 @@ def _unpacked(packed: bytes, size: int) -> np.ndarray:
 
 
 def passes(data: bytes) -> int | None:
-    """How many passes a picture is made of, where it says so."""
+    """How many passes a picture is made of, if it says so."""
     said = Header(data).attributes.get("beamfarmPasses", b"")
     return int(said) if said.isdigit() else None
 
 
 def manifests(data: bytes) -> dict[str, str]:
-    """JSON of names and ids of each Cryptomatte, by its name."""
+    """JSON of names and ids for each Cryptomatte, by its name."""
     said = Header(data).attributes
     found = {}
     for key, value in said.items():

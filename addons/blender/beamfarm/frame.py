@@ -1,4 +1,4 @@
-"""What of a Blender scene's settings says how a frame is rendered: size, region, and options of the command."""
+"""The settings of a Blender scene that say how a frame is rendered: size, region, and options of the command."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .export import ExportSettings
 
 @dataclass(frozen=True)
 class Frame:
-    """Size of the whole image and, where only a region is rendered, its window: x, y of the top left, width, height."""
+    """Size of the whole image and, if only a region is rendered, its window: x, y of the top left, width, height."""
 
     width: int
     height: int
@@ -21,12 +21,12 @@ class Frame:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Of what is rendered."""
+        """Size of the rendered part."""
         return (self.width, self.height) if self.crop is None else self.crop[2:]
 
 
 def of_scene(scene) -> Frame:
-    """As Blender itself counts the pixels, in whole numbers and single precision."""
+    """Counts the pixels as Blender does, in integers and single precision."""
     render = scene.render
     width = max(1, render.resolution_x * render.resolution_percentage // 100)
     height = max(1, render.resolution_y * render.resolution_percentage // 100)
@@ -41,7 +41,7 @@ def of_scene(scene) -> Frame:
 
 
 def parts(time: float) -> tuple[int, float]:
-    """Whole frame and subframe of a time."""
+    """The whole frame and the subframe of a time."""
     whole = math.floor(time)
     return whole, time - whole
 
@@ -51,7 +51,7 @@ def _pixel(edge: float, size: int) -> int:
 
 
 def export_settings(scene, frame: Frame) -> ExportSettings:
-    """What the exporter writes beside the scene itself."""
+    """Settings that the exporter writes in addition to the scene itself."""
     own = scene.beamfarm
     render: dict[str, object] = {"seed": own.seed}
     if own.passes:
@@ -71,7 +71,7 @@ def export_settings(scene, frame: Frame) -> ExportSettings:
 
 
 def ends(own) -> list[str]:
-    """Options of the command that end a job; empty where nothing would end it."""
+    """The command's options that end a job; empty if nothing would end it."""
     options: list[str] = []
     if own.passes:
         options += ["--passes", str(own.passes)]
@@ -83,12 +83,12 @@ def ends(own) -> list[str]:
 
 
 def verb(preferences) -> str:
-    """What of the command renders a frame."""
+    """The subcommand that renders a frame."""
     return "serve" if preferences.use_farm else "render"
 
 
 def command(program: Path, preferences, scene_file: Path, output: Path, options: list[str]) -> list[str]:
-    """The whole command line of a frame."""
+    """The whole command line for a frame."""
     line = [str(program), verb(preferences), str(scene_file), "-o", str(output), *options]
     if preferences.use_farm:
         return [*line, "--listen", preferences.listen]

@@ -1,7 +1,7 @@
-"""Runs the command, and asks it by its job's page how it stands.
+"""Runs the command, and queries its status on its job's page.
 
-The page's port answers `/metrics`, text with a number a line, and `/image.exr`, the average of the passes that are
-complete; so pictures come without a file being written again and again. Nothing here knows of Blender.
+The page's port answers `/metrics`, text with one number per line, and `/image.exr`, the average of the complete passes,
+so pictures arrive without rewriting a file again and again. Nothing here depends on Blender.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from pathlib import Path
 from .program import hidden
 
 _PAGE = re.compile(r"(?:page: |listening on )http://(\S+?):(\d+)/?")
-# What another certificate or token would be told to in the environment: this job has its own.
+# Environment variables for another certificate or token: this job has its own.
 _NOT_OURS = ("BEAMFARM_TOKEN_FILE", "BEAMFARM_OPERATOR_TOKEN_FILE", "BEAMFARM_TLS_CERT", "BEAMFARM_TLS_KEY",
              "BEAMFARM_TLS_CA", "BEAMFARM_TLS_CLIENT_CA")
-# Seconds for an answer of the page: of numbers, and of a picture, which has to be made.
+# Seconds to wait for an answer of the page: for numbers, and for a picture, which has to be made.
 _PATIENCE = 2.0
 _PICTURE_PATIENCE = 60.0
-# Seconds after a cancel in which the picture is written, before the process is killed.
+# Seconds after a cancel in which the picture may be written before the process is killed.
 _GRACE = 20.0
 
 _METRICS = {
@@ -39,15 +39,15 @@ _METRICS = {
     "beamfarm_image_relative_standard_error_ratio": "error",
 }
 
-# Why a job can end without having failed: done, and stopped before its first pass.
+# Exit codes without failure: done, and stopped before the first pass.
 DONE, NOTHING = 0, 4
-# A limit of passes that is none.
+# From here on a limit of passes means none.
 _NO_LIMIT = 1 << 53
 
 
 @dataclass
 class Progress:
-    """How a job stands; None is not known."""
+    """The status of a job; None is unknown."""
 
     passes: int = 0
     limit: int | None = None
@@ -70,7 +70,7 @@ class Job:
         environment["BEAMFARM_TOKEN"] = self.token
         self.environment = environment
         self.process = subprocess.Popen(
-            # It ends when the other end of its standard input closes: when this process dies, in whatever way.
+            # It ends when its standard input closes: when this process dies, in whatever way.
             [*command, "--with-parent"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -98,7 +98,7 @@ class Job:
 
     @property
     def url(self) -> str | None:
-        """Where the job's page is, as soon as that is known."""
+        """The address of the job's page, once it is known."""
         return self._address and f"http://{self._address[0]}:{self._address[1]}"
 
     @property
@@ -110,7 +110,7 @@ class Job:
         return self.process.poll()
 
     def words(self) -> str:
-        """Why it failed, in the command's words."""
+        """The command's own message about its failure."""
         for reader in self._readers:
             reader.join(timeout=1.0)
         said = [line for line in self._said if line.strip()]
@@ -134,30 +134,30 @@ class Job:
         return (body, headers) if response.status == 200 else None
 
     def look(self) -> Progress:
-        """How it stands now; as before, where the page does not answer."""
+        """The present status; the previous one if the page does not answer."""
         answer = self._get("/metrics", _PATIENCE)
         if answer is not None:
             self.progress = parse_metrics(answer[0].decode("utf-8", "replace"))
         return self.progress
 
     def picture(self) -> bytes | None:
-        """An EXR of what is complete; None before the first pass and when the job is over."""
+        """An EXR of the complete passes; None before the first pass and when the job is over."""
         answer = self._get("/image.exr", _PICTURE_PATIENCE)
         return answer and answer[0]
 
     def cancel(self) -> None:
-        """Let it end, with a picture of the passes that are complete."""
+        """Ends it, with a picture of the complete passes."""
         if self._cancelled_at is not None or not self.is_running:
             return
         self._cancelled_at = time.monotonic()
         if os.name != "nt":
             self.process.send_signal(signal.SIGINT)
         elif self._get("/cancel", _PATIENCE, "POST") is None:
-            # Windows has no signal for a process without a console.
+            # Windows has no such signal for a process without a console.
             self.process.terminate()
 
     def wait(self) -> int:
-        """Wait for its end, not for ever after a cancel. Returns its exit code."""
+        """Waits for its end, but not for ever after a cancel. Returns its exit code."""
         patience = None if self._cancelled_at is None else _GRACE
         try:
             return self.process.wait(patience)
@@ -166,7 +166,7 @@ class Job:
             return self.process.wait()
 
     def close(self) -> None:
-        """Nothing of it is left."""
+        """Ends everything."""
         self.cancel()
         self.wait()
         if self.process.stdin is not None:
@@ -176,13 +176,13 @@ class Job:
 
 
 def _reached_here(host: str) -> str:
-    """How this machine reaches what listens there."""
+    """The host under which this machine reaches what listens there."""
     host = host.strip("[]")
     return {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
 
 
 def parse_metrics(text: str) -> Progress:
-    """What the lines of `/metrics` say."""
+    """Parses the lines of `/metrics`."""
     progress = Progress()
     for line in text.splitlines():
         name, _, value = line.partition(" ")
@@ -227,7 +227,7 @@ def start_workers(job: Job, program: Path, count: int, threads: int) -> list[sub
 
 
 def stop_workers(workers: list[subprocess.Popen]) -> None:
-    """End them, where they have not ended with their job."""
+    """Ends them, unless they have ended with their job."""
     for worker in workers:
         if worker.stdin is not None:
             worker.stdin.close()

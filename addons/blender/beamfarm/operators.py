@@ -1,4 +1,4 @@
-"""Menu entries: a scene for use without Blender, and the list of what a picture lacks as a text."""
+"""Menu entries: export of a scene for use without Blender, and the list of what a picture lacks as a text."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ class BEAMFARM_OT_export(bpy.types.Operator):
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
     all_frames: BoolProperty(
         name="All Frames",
-        description="One scene of all frames from the first to the last, not of this one alone",
+        description="Export one scene with all frames from the first to the last instead of the current frame alone",
     )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
@@ -51,7 +51,7 @@ class BEAMFARM_OT_export(bpy.types.Operator):
 
 
 class BEAMFARM_OT_show_left_out(bpy.types.Operator):
-    """Put the list of what the last picture lacks into a text"""
+    """Write the list of what the last picture lacks into a text"""
 
     bl_idname = "beamfarm.show_left_out"
     bl_label = "Show as Text"

@@ -1,4 +1,4 @@
-"""Panels: those of Blender and of Cycles that are used as they are, and a few of our own."""
+"""Panels: those of Blender and Cycles that are used unchanged, and a few of our own."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from . import passes, told
 
 ENGINE = "BEAMFARM"
 
-# Panels for every engine that mean nothing here, and those of which Cycles has its own.
+# Panels for every engine that have no effect here, and those that Cycles replaces.
 _NOT_OURS = re.compile(
     r"VIEWLAYER_PT_(filter|layer_passes|freestyle.*)"
     r"|RENDER_PT_(freestyle|simplify.*|stereoscopy|output_views|motion_blur.*)"
@@ -20,8 +20,8 @@ _NOT_OURS = re.compile(
 )
 _TWICE = re.compile(r"(NODE_)?DATA_PT_(light|spot|area|preview)|OBJECT_PT_visibility")
 
-# Those of Cycles for materials, lights, the world, lenses, objects and light groups are what the export reads; those of
-# its integrator are not.
+# The export reads what Cycles' panels for materials, lights, the world, lenses, objects and light groups set, but not
+# its integrator's.
 _OF_ITS_INTEGRATOR = re.compile(r"CYCLES_(RENDER|VIEW3D)_PT_(?!passes_lightgroups).*|CYCLES_PT_(?!context_material).*")
 
 
@@ -32,9 +32,9 @@ def _all_of(cls: type) -> Iterator[type]:
 
 
 def _of_cycles() -> type | None:
-    """What all panels of Cycles are derived from; None where that add-on is off.
+    """The base class of all Cycles' panels; None if that add-on is off.
 
-    Most of them ask whether this one is for the engine, and not they themselves.
+    Most of them leave it to this class to ask whether they are for the engine.
     """
     for panel in _all_of(bpy.types.Panel):
         for base in panel.__mro__:
@@ -44,7 +44,7 @@ def _of_cycles() -> type | None:
 
 
 def _share() -> None:
-    """Show panels of others for this engine."""
+    """Enables others' panels for this engine."""
     cycles = _of_cycles()
     for panel in _all_of(bpy.types.Panel):
         engines = getattr(panel, "COMPAT_ENGINES", set())
@@ -59,7 +59,7 @@ def _share() -> None:
 
 
 def _keep_out() -> None:
-    """As it was before."""
+    """Undoes this."""
     cycles = _of_cycles()
     for panel in _all_of(bpy.types.Panel):
         is_of_cycles = cycles is not None and panel is not cycles and issubclass(panel, cycles)
@@ -91,7 +91,7 @@ class BEAMFARM_RENDER_PT_sampling(_Panel, bpy.types.Panel):
         column.prop(settings, "time_limit")
         column.prop(settings, "target_error")
         if not (settings.passes or settings.time_limit or settings.target_error):
-            layout.label(text="Never ends: give passes, time or error", icon="ERROR")
+            layout.label(text="Never ends: set passes, time or error", icon="ERROR")
         layout.prop(settings, "viewport_passes", text="Viewport")
         layout.prop(settings, "seed")
 
@@ -110,7 +110,7 @@ class BEAMFARM_RENDER_PT_photons(_Panel, bpy.types.Panel):
 
 
 class BEAMFARM_RENDER_PT_motion_blur(_Panel, bpy.types.Panel):
-    """Blender's own settings; those of objects are in the panels of Cycles."""
+    """Blender's own settings; those of objects are in Cycles' panels."""
 
     bl_label = "Motion Blur"
     bl_context = "render"

@@ -1,4 +1,4 @@
-"""What is set for this machine, and not for a file: the program, and who renders."""
+"""Settings of this machine, not of a file: the program, and who renders."""
 
 from pathlib import Path
 
@@ -13,18 +13,18 @@ class BeamfarmPreferences(bpy.types.AddonPreferences):
 
     program: StringProperty(
         name="Program",
-        description="Path of the command beamfarm; empty: the one that came with the add-on, or else the one of PATH",
+        description="Path of the command beamfarm; empty: the one that came with the add-on, or else the one on PATH",
         subtype="FILE_PATH",
     )
     engine: EnumProperty(
         name="Engine",
-        description="What renders on this machine. A scene may say something else in Render Properties > Sampling",
+        description="What renders on this machine. A scene may override it in Render Properties > Sampling",
         items=engines.ITEMS,
         default=engines.CPU,
     )
     workers: IntProperty(
         name="Workers",
-        description="Worker processes on this machine; 0: one for each core up to four cores, above that for each four",
+        description="Worker processes on this machine; 0: one up to four cores, then about one per four cores",
         min=0,
         soft_max=64,
         max=1024,
@@ -38,25 +38,25 @@ class BeamfarmPreferences(bpy.types.AddonPreferences):
     )
     use_farm: BoolProperty(
         name="Other machines work too",
-        description="Final renders listen for workers from other machines, beside those of this one",
+        description="Final renders listen for workers from other machines, in addition to those on this one",
     )
     listen: StringProperty(
         name="Listen",
-        description="Address and port that workers of other machines connect to; 0.0.0.0 is every address of this one",
+        description="Address and port for workers on other machines; 0.0.0.0 is every address of this machine",
         default="0.0.0.0:7325",
     )
     token: StringProperty(
         name="Token",
-        description="What workers of other machines have to know to be let in. Kept in Blender's preferences as it is",
+        description="Secret that lets in workers on other machines. Kept in Blender's preferences unencrypted",
         subtype="PASSWORD",
     )
 
     def path(self) -> Path:
-        """The command, or a `program.ProgramError`."""
+        """The command; raises `program.ProgramError`."""
         return self.found()[0]
 
     def found(self) -> tuple[Path, str]:
-        """The command and whose it is, or a `program.ProgramError`."""
+        """The command and its origin; raises `program.ProgramError`."""
         return program.usable(bpy.path.abspath(self.program))
 
     def draw(self, _context: bpy.types.Context) -> None:

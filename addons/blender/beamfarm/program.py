@@ -1,7 +1,7 @@
-"""Where the command `beamfarm` is, and whether it is one that this add-on can talk to.
+"""Finds the command `beamfarm`, and checks whether this add-on can use it.
 
-It is the one of the preferences, or that of the Python package `beamfarm`, which the add-on's zip may bring along as a
-wheel, or the one of PATH.
+It is the one in the preferences, or that of the Python package `beamfarm`, which the add-on's zip may contain as a
+wheel, or the one on PATH.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-# Major and minor version of the command that the add-on is made for. Scene files and options of another one may differ.
+# Major and minor version of the command that the add-on is made for. Scene files and options of others may differ.
 MADE_FOR = (0, 2)
 
 NAME = "beamfarm.exe" if os.name == "nt" else "beamfarm"
 
-WAY_OUT = "Set its path in Preferences > Add-ons > beamfarm, or put it into a folder of PATH"
+WAY_OUT = "Set its path in Preferences > Add-ons > beamfarm, or put it into a folder on PATH"
 
-# By path, time of writing and size: versions, so that a still frame does not start the program twice, and copies.
+# By path, modification time and size: versions, so that a still frame does not start the program twice, and copies.
 _Key = tuple[str, float, int]
 _known: dict[_Key, str] = {}
 _copies: dict[_Key, Path] = {}
 
 
 class ProgramError(Exception):
-    """The command cannot be used; the text says why, and what to do."""
+    """The command cannot be used; the message says why, and what to do."""
 
 
 def find(asked: str) -> tuple[Path, str]:
-    """The command at `asked`, which may begin with `~`, or where that is empty one that is found; and whose it is."""
+    """The command at `asked`, which may begin with `~`, or, if that is empty, one that is found; and its origin."""
     if asked:
         path = Path(os.path.expandvars(asked)).expanduser()
         if path.is_dir():
@@ -54,8 +54,8 @@ def find(asked: str) -> tuple[Path, str]:
 
 
 def _of_packages() -> Iterator[Path]:
-    """The commands of packages `beamfarm` that Python would find. They are not imported: this add-on may have the same
-    name, and a package that cannot be imported here still has its command."""
+    """The commands of the packages `beamfarm` that Python would find. They are not imported: this add-on may have the
+    same name, and a package that cannot be imported here still has its command."""
     for folder in sys.path:
         path = Path(folder or ".", "beamfarm", "bin", NAME)
         if path.is_file():
@@ -63,15 +63,15 @@ def _of_packages() -> Iterator[Path]:
 
 
 def _executable(path: Path) -> Path:
-    """The command, or a copy: Blender unpacks wheels without the permission to execute what is in them."""
+    """The command, or a copy: Blender unpacks wheels without execute permission."""
     if os.access(path, os.X_OK):
         return path
     try:
         path.chmod(path.stat().st_mode | stat.S_IXUSR | stat.S_IXGRP | stat.S_IXOTH)
     except OSError:
-        # Somebody else's file, or a disk that is read-only.
+        # Someone else's file, or a read-only disk.
         pass
-    # A disk may also be one of which nothing is executed.
+    # A disk may also forbid execution.
     if os.access(path, os.X_OK):
         return path
     key = _key(path)
@@ -84,9 +84,9 @@ def _executable(path: Path) -> Path:
 
 
 def _copy(path: Path) -> Path:
-    """A copy that may be executed, in the user's cache: made once for each version and content."""
+    """An executable copy in the user's cache, made once for each version and content."""
     digest = _digest(path)
-    # Beside the package lies what it says of itself.
+    # The package's metadata lie next to it.
     told = [folder.name for folder in path.parents[2].glob("beamfarm-*.dist-info")]
     number = told[0].removeprefix("beamfarm-").removesuffix(".dist-info") if told else "unknown"
     folder = cache() / "programs" / f"{number}-{digest[:16]}"
@@ -113,7 +113,7 @@ def _digest(path: Path) -> str:
 
 
 def cache() -> Path:
-    """Where the command keeps what may be deleted at any time, too."""
+    """The command's folder for what may be deleted at any time."""
     for variable, inner in (("XDG_CACHE_HOME", ""), ("LOCALAPPDATA", ""), ("HOME", ".cache")):
         if os.environ.get(variable):
             return Path(os.environ[variable], inner, "beamfarm")
@@ -126,12 +126,12 @@ def _key(path: Path) -> _Key:
 
 
 def hidden() -> dict[str, int]:
-    """What keeps Windows from opening a console for each process."""
+    """Keeps Windows from opening a console for each process."""
     return {"creationflags": subprocess.CREATE_NO_WINDOW} if os.name == "nt" else {}
 
 
 def version(path: Path) -> str:
-    """What `beamfarm --version` says, as `0.2.0`."""
+    """The version from `beamfarm --version`, for example `0.2.0`."""
     key = _key(path)
     if key not in _known:
         _known[key] = _ask(path)
@@ -153,15 +153,15 @@ def _ask(path: Path) -> str:
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise ProgramError(f"{path} cannot be run: {error}. {WAY_OUT}") from error
-    # Below stands which bits its passes have.
+    # The version of its passes' bits is printed below.
     said = re.match(r"beamfarm (\d+\.\d+\.\d+\S*)\s", done.stdout)
     if said is None:
-        raise ProgramError(f"{path} is not beamfarm: it does not tell its version. {WAY_OUT}")
+        raise ProgramError(f"{path} is not beamfarm: it does not print its version. {WAY_OUT}")
     return said.group(1)
 
 
 def usable(asked: str) -> tuple[Path, str]:
-    """The command, of a version that this add-on is made for; and whose it is."""
+    """The command, if its version is one that this add-on is made for; and its origin."""
     path, whose = find(asked)
     number = version(path)
     if tuple(int(part) for part in number.split(".")[:2]) != MADE_FOR:

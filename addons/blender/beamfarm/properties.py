@@ -1,6 +1,6 @@
-"""What is set for a scene and for its view layers, and is kept in the file.
+"""Settings of a scene and of its view layers, which are kept in the file.
 
-Not with postponed annotations: those of these classes are Blender's properties.
+Without postponed annotations: those of these classes are Blender's properties.
 """
 
 import bpy
@@ -12,7 +12,7 @@ from . import engines
 class BeamfarmSceneSettings(bpy.types.PropertyGroup):
     passes: IntProperty(
         name="Passes",
-        description="Passes of photons, whose average is the image; 0: as many as the time or the error allow",
+        description="Photon passes, whose average is the image; 0: as many as the time or the error allows",
         default=64,
         min=0,
         soft_max=4096,
@@ -26,7 +26,7 @@ class BeamfarmSceneSettings(bpy.types.PropertyGroup):
     )
     target_error: FloatProperty(
         name="Error",
-        description="Stop when the relative standard error of the image is at most this; 0: no such end",
+        description="Stop when the relative standard error of the image is at most this; 0: off",
         min=0.0,
         soft_max=50.0,
         max=100.0,
@@ -48,7 +48,7 @@ class BeamfarmSceneSettings(bpy.types.PropertyGroup):
     )
     engine: EnumProperty(
         name="Engine",
-        description="What renders this scene. Passes of either are right, and have other bits",
+        description="What renders this scene. Both render correct passes, with different bits",
         items=engines.ITEMS_OF_SCENES,
         default=engines.AS_PREFERRED,
     )
@@ -69,16 +69,16 @@ class BeamfarmLayerSettings(bpy.types.PropertyGroup):
     )
     use_direct: BoolProperty(
         name="Direct",
-        description="Lights that are seen, and surfaces that are lit straight by lights",
+        description="Visible lights, and surfaces lit directly by lights",
     )
     use_indirect: BoolProperty(
         name="Indirect",
-        description="All other light of surfaces. Combined is Direct + Indirect + Volume",
+        description="All other light from surfaces. Combined is Direct + Indirect + Volume",
     )
     use_volume: BoolProperty(name="Volume", description="Light that fog and smoke scatter towards the camera")
     use_light_groups: BoolProperty(
         name="Light Groups",
-        description="What comes from each light group of the view layer",
+        description="Light from each light group of the view layer",
         default=True,
     )
     use_standard_error: BoolProperty(

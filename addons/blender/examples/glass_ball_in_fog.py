@@ -1,21 +1,21 @@
-"""A glass ball under a spot in fog: what path tracers show as speckle, if at all.
+"""A glass ball under a spot in fog: path tracers show its light as speckle, if at all.
 
 Run it in Blender's text editor, or as `blender --python glass_ball_in_fog.py`, with the add-on beamfarm enabled; then
-press F12. The cone of light below the ball is what the glass gathers, and the fog makes it visible.
+press F12. The glass focuses the light into the cone below the ball, and the fog makes it visible.
 """
 
 import bpy
 
 
 def clean_scene() -> bpy.types.Scene:
-    """Nothing but an empty scene."""
+    """An empty scene."""
     for thing in list(bpy.data.objects):
         bpy.data.objects.remove(thing, do_unlink=True)
     return bpy.context.scene
 
 
 def node_material(name: str, kind: str, **inputs: object) -> bpy.types.Material:
-    """A material that is one shader node."""
+    """A material with a single shader node."""
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     tree = material.node_tree
@@ -29,7 +29,7 @@ def node_material(name: str, kind: str, **inputs: object) -> bpy.types.Material:
 
 
 def fog(density: float, anisotropy: float) -> bpy.types.World:
-    """A world full of fog, and dark but for that."""
+    """A world full of fog and otherwise dark."""
     world = bpy.data.worlds.new("Fog")
     world.use_nodes = True
     tree = world.node_tree
@@ -43,7 +43,7 @@ def fog(density: float, anisotropy: float) -> bpy.types.World:
 
 
 def ball() -> None:
-    """Of glass. Smooth normals alone do not bend light as a sphere does: there are triangles enough."""
+    """A glass ball. Smooth normals alone do not bend light like a sphere, so it has enough triangles."""
     bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6, radius=0.6, location=(0.0, 0.0, 1.7))
     thing = bpy.context.object
     thing.name = "Ball"
@@ -52,7 +52,7 @@ def ball() -> None:
 
 
 def floor() -> None:
-    """Where the light ends."""
+    """The floor on which the light ends."""
     bpy.ops.mesh.primitive_plane_add(size=12.0)
     thing = bpy.context.object
     thing.name = "Floor"
@@ -60,7 +60,7 @@ def floor() -> None:
 
 
 def spot() -> None:
-    """Straight above the ball, and hardly wider than that."""
+    """A spot straight above the ball, hardly wider than the ball."""
     bpy.ops.object.light_add(type="SPOT", location=(0.0, 0.0, 5.0))
     light = bpy.context.object.data
     light.energy = 9000.0
@@ -70,7 +70,7 @@ def spot() -> None:
 
 
 def camera(scene: bpy.types.Scene) -> None:
-    """From the side, a little above the floor."""
+    """A camera at the side, a little above the floor."""
     bpy.ops.object.camera_add(location=(0.0, -6.5, 1.9), rotation=(1.535, 0.0, 0.0))
     scene.camera = bpy.context.object
     scene.camera.data.lens = 45.0

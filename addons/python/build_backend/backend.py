@@ -1,4 +1,4 @@
-"""Builds the wheel as maturin does, with the command `beamfarm` in it."""
+"""Builds the wheel like maturin, and includes the command `beamfarm`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ prepare_metadata_for_build_editable = maturin.prepare_metadata_for_build_editabl
 
 
 def _command() -> None:
-    """Build the command into the package."""
+    """Builds the command into the package."""
     cargo = ["cargo", "build", "--profile", "dist", "--locked", "-p", "beamfarm", "--features", "gpu"]
     subprocess.run([*cargo, "--config", "profile.dist.strip=true"], cwd=TOP, check=True)
     built = Path(os.environ.get("CARGO_TARGET_DIR") or TOP / "target") / "dist" / NAME

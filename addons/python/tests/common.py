@@ -35,7 +35,7 @@ FOG: dict[str, Any] = {
 
 
 def view(width: int = 32, height: int = 32) -> dict[str, Any]:
-    """The square [-1, 1] x [-1, 1] of the xy plane from above, z, without perspective."""
+    """The square [-1, 1] x [-1, 1] of the xy plane, seen along z from above, without perspective."""
     return {
         "image": {"width": width, "height": height},
         "render": {"paths": 1},
@@ -53,7 +53,7 @@ def view(width: int = 32, height: int = 32) -> dict[str, Any]:
 
 
 def command(*arguments: Any) -> str:
-    """What the command says; it has to succeed."""
+    """The output of the command, which has to succeed."""
     done = subprocess.run(
         [beamfarm.program(), *map(str, arguments)], capture_output=True, text=True, check=False, timeout=300
     )

@@ -1,14 +1,14 @@
-//! The Python package, as it would be installed: its Python files, the module that was just built, and the command.
+//! The Python package as it would be installed: its Python files, the freshly built module, and the command.
 //!
-//! `BEAMFARM_PYTHON` may name a Python with numpy. What needs more (mypy, nbclient) is left out, and said, where that
-//! is not there.
+//! `BEAMFARM_PYTHON` may name a Python with numpy. Tests that need more (mypy, nbclient) are skipped with a message
+//! where that is missing.
 
 #![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Where what was built lies: this test is in a folder below.
+/// The build folder, above this test's own.
 fn built() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     test.parent().and_then(Path::parent).unwrap().to_path_buf()
@@ -32,7 +32,7 @@ fn python() -> Option<String> {
     has_numpy.is_ok_and(|done| done.status.success()).then_some(python)
 }
 
-/// The package, put together in this folder.
+/// Puts the package together in this folder.
 fn install(site: &Path) {
     let package = site.join("beamfarm");
     copy(&here().join("package/beamfarm"), &package);
@@ -41,7 +41,7 @@ fn install(site: &Path) {
         "macos" => "lib_native.dylib",
         _ => "lib_native.so",
     };
-    // Where a test's own build has it; what lies above may be an older one.
+    // The module from this test's own build; one further up may be older.
     let module = built().join("deps").join(module);
     let extension = if cfg!(windows) {
         "_native.pyd"
@@ -55,12 +55,12 @@ fn here() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Runs the tests of a file. One that hangs says where, and fails.
+/// Runs the tests of a file. A test that hangs prints where, and fails.
 const TESTS: &str = "import faulthandler, sys, unittest
 faulthandler.dump_traceback_later(600, exit=True, file=sys.__stderr__)
 unittest.main(module=None, buffer=True)";
 
-/// Run the tests of a file.
+/// Runs the tests of a file.
 fn run(tests: &str) {
     let Some(python) = python() else {
         eprintln!("SKIPPED: the Python package: there is no Python with numpy; BEAMFARM_PYTHON may name one");

@@ -1,4 +1,4 @@
-"""Meshes, grids and images from numpy arrays, beside what they should look like."""
+"""Meshes, grids and images from numpy arrays, against their expected pictures."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Arrays(unittest.TestCase):
             image = beamfarm.pass_image(scene, 0, layers=["depth"])
             x = (np.arange(32) + 0.5) / 16 - 1
             expected = np.broadcast_to(10 - (1 + x), (32, 32))
-            # Rays go through each pixel somewhere, which is at most half a pixel from its middle.
+            # Rays pass anywhere within a pixel, at most half a pixel from its centre.
             np.testing.assert_allclose(image.layers["depth"], expected, atol=1 / 32 + 1e-5)
             self.assertAlmostEqual(float(image.layers["depth"].mean()), 9.0, delta=0.01)
 
@@ -54,7 +54,7 @@ class Arrays(unittest.TestCase):
         np.testing.assert_allclose(image.layers["albedo"], pixels, atol=2e-3)
 
     def test_a_grid_absorbs_where_its_samples_are(self) -> None:
-        """A wall that shines 1 behind a medium of 4 x 3 x 2 samples: what comes through is exp(-optical depth)."""
+        """A wall of radiance 1 behind a medium of 4 x 3 x 2 samples: exp(-optical depth) of it is seen."""
         values = np.zeros((2, 3, 4), np.float32)
         # Left, top, and near the camera.
         values[1, 2, 0] = 1.0
@@ -81,15 +81,15 @@ class Arrays(unittest.TestCase):
         passes = beamfarm.Passes(scene)
         image = beamfarm.average(passes[i] for i in range(count))
         seen = image.beauty[..., 0].astype(np.float64)
-        # Samples of the lattice are in the middles of its cells; beyond the last ones they go on.
+        # Samples lie at the centres of the grid's cells; the outermost ones extend to the border.
         x = np.clip(((np.arange(48) + 0.5) / 48) * 4 - 0.5, 0, 3)
         y = np.clip(((47.5 - np.arange(48)) / 48) * 3 - 0.5, 0, 2)
         across = np.clip(1 - x, 0, 1)[None, :] * np.clip(y - 1, 0, 1)[:, None]
         z = np.clip((np.arange(1000) + 0.5) / 1000 * 2 - 0.5, 0, 1)
         depth = 2.0 * across * z.mean()
         expected = np.exp(-depth)
-        # Means over blocks, which noise and the place within a pixel hardly move: four standard errors of each, and
-        # 0.002 for the curve of the exponential over a pixel.
+        # Means over blocks, which noise and the position within a pixel hardly change: four standard errors of each,
+        # and 0.002 for the curvature of the exponential over a pixel.
         blocks = seen.reshape(8, 6, 8, 6).mean((1, 3)), expected.reshape(8, 6, 8, 6).mean((1, 3))
         error = np.sqrt((image.stderr[..., 0].astype(np.float64) ** 2).reshape(8, 6, 8, 6).sum((1, 3))) / 36
         self.assertTrue((np.abs(blocks[0] - blocks[1]) <= 4.5 * error + 0.002).all(), np.abs(blocks[0] - blocks[1]).max())

@@ -1,4 +1,4 @@
-"""The lines of the documents, run as they stand there."""
+"""Runs the code of the documents as it stands."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from common import TOP
 
 @contextlib.contextmanager
 def in_folder_of_scenes() -> Any:
-    """A folder that has the scenes of the repository, and may be filled."""
+    """A writable folder with the scenes of the repository."""
     before = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "scenes").symlink_to(TOP / "scenes")

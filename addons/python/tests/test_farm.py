@@ -1,4 +1,4 @@
-"""Farms that are served and connected to."""
+"""Serving farms and connecting to them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The notebooks, run from their first cell to their last."""
+"""Runs the notebooks from the first cell to the last."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Renders, single passes and references, beside those of the command."""
+"""Renders, single passes and references, against those of the command."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from common import FOG, TOP, command
 
 
 def in_child(queue: Any) -> None:
-    """What a process that was forked renders."""
+    """Renders in a forked process."""
     queue.put((beamfarm.pass_image(FOG, 1).hash, beamfarm.render(FOG, passes=2, progress=False).hash))
 
 
 def on_device(queue: Any) -> None:
-    """What a process that was forked hears of devices."""
+    """Asks for devices in a forked process."""
     try:
         beamfarm.pass_image(FOG, 0, engine="gpu")
         queue.put("rendered")
@@ -48,7 +48,7 @@ class Renders(unittest.TestCase):
             image.save(Path(folder) / "b.png")
             self.assertEqual((Path(folder) / "b.png").read_bytes(), (Path(folder) / "a.png").read_bytes())
             self.assertEqual(image.to_png(), (Path(folder) / "a.png").read_bytes())
-            # All but the time that it took, and the scene's file, which here is none.
+            # Equal except for the render time and the scene's file, which does not exist here.
             self.assertEqual(abs(len(own.read_bytes()) - (Path(folder) / "a.exr").stat().st_size) < 100, True)
             compared = beamfarm.compare(image, Path(folder) / "a.exr")
             self.assertTrue(compared.identical)
@@ -66,12 +66,12 @@ class Renders(unittest.TestCase):
         self.assertEqual(sorted(image.layers), ["depth", "direct", "surface", "volume"])
         parts = sum(image.layers[name] for name in ("direct", "surface", "volume"))
         np.testing.assert_allclose(parts, image.beauty, rtol=1e-4, atol=1e-6)
-        # The memory is the image's, which lives as long as its arrays do.
+        # The memory belongs to the image, which lives as long as its arrays.
         self.assertFalse(image.beauty.flags.owndata or image.beauty.flags.writeable)
         self.assertTrue(np.shares_memory(image.beauty, image.beauty))
         beauty, mean = image.beauty, float(image.beauty.mean())
         self.assertTrue(np.isfinite(image.stderr).all())
-        # The error that it says is that of its arrays, by the same rule but for blocks.
+        # Its error follows from its arrays by the same rule, except for blocks.
         self.assertTrue(0.0 < image.error < 1.0)
         assert image.bias is None or abs(image.bias.relative) < 1.0
         self.assertEqual(np.asarray(image, dtype=np.float64).dtype, np.float64)
@@ -151,7 +151,8 @@ class Renders(unittest.TestCase):
             self.assertIn(word, str(caught.exception))
         with self.assertRaises(beamfarm.ArgumentError):
             beamfarm.render(3)  # type: ignore[arg-type]
-        # Layers of vertices' colours of a scene with too many pixels: what the machine cannot hold is said before.
+        # Layers of a scene with vertex colours and too many pixels: it is refused beforehand if the machine cannot hold
+        # it.
         huge = dict(FOG, image={"width": 32768, "height": 32768})
         with self.assertRaises(MemoryError) as memory:
             beamfarm.render(huge, layers=["all"], progress=False)
@@ -197,7 +198,7 @@ class Renders(unittest.TestCase):
         context = multiprocessing.get_context("fork")
         queue = context.Queue()
         with warnings.catch_warnings():
-            # Python warns of threads, which are idle here.
+            # Python warns of threads, but these are idle.
             warnings.simplefilter("ignore", DeprecationWarning)
             child = context.Process(target=in_child, args=(queue,))
             child.start()

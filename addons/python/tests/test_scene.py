@@ -78,7 +78,7 @@ class Scenes(unittest.TestCase):
         self.assertTrue(told.startswith(f"scene {plan['scene']}\n"))
         scene = beamfarm.load(path)
         self.assertEqual(scene.explain(paths=1000), plan)
-        # White space and comments are no part of it.
+        # White space and comments do not matter.
         self.assertEqual(beamfarm.explain(beamfarm.Scene(scene.data, folder=path.parent))["scene"], plan["scene"])
 
     def test_a_scene_that_is_saved_elsewhere_names_the_same_files(self) -> None:
@@ -98,7 +98,7 @@ class Scenes(unittest.TestCase):
                 scene.save(Path(folder) / "changed.toml" / "below.toml")
 
     def test_files_that_files_name_are_read_where_the_command_reads_them(self) -> None:
-        """A glTF file, and an .obj file with its .mtl, whose images lie beside their folder."""
+        """A glTF file, and an .obj file with its .mtl, whose images lie outside their folder."""
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             (folder / "a").mkdir()

@@ -1,4 +1,4 @@
-//! What other users of the machine, and those without the token, may see and do.
+//! What other users of the machine, and clients without the token, may see and do.
 #![cfg(unix)]
 
 use crate::setup::{Process, beamfarm, fail, folder_with, run, scene, spawn, succeed, text, wait_until};
@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 
 const TOKEN: &str = "a-token-of-this-test";
 
-/// A render that goes on, and the address of its page, without a slash at its end.
+/// Starts an endless render; also returns the address of its page, without a final slash.
 fn start_render(folder: &Path, token: Option<&str>) -> (Process, String) {
     let mut command = beamfarm(folder, &["render", "scene.toml", "--job", "a.job", "--time", "1h"]);
     command.env_remove("BEAMFARM_TOKEN");
@@ -26,7 +26,7 @@ fn a_local_render_is_for_its_user_alone() {
     let folder = folder_with(&scene([16, 12], 100_000, 200));
     let folder = folder.path();
     let (mut render, url) = start_render(folder, None);
-    // Its token is random, and where its words may end up in a file, it is not among them.
+    // Its token is random, and is not printed where the output may end up in a file.
     assert!(url.starts_with("http://127.0.0.1:") && !url.contains('#'), "{url}");
     for call in ["status", "cancel", "pause"] {
         let (code, message) = fail(folder, &[call, &url]);
@@ -38,7 +38,7 @@ fn a_local_render_is_for_its_user_alone() {
     assert_eq!(mode("a.job"), 0o700);
     render.kill();
 
-    // Whoever wants to steer it says beforehand what the token is.
+    // Whoever wants to steer it sets the token beforehand.
     let (mut render, url) = start_render(folder, Some(TOKEN));
     let mut cancel = beamfarm(folder, &["cancel", &url]);
     cancel.env("BEAMFARM_TOKEN", TOKEN);
@@ -85,7 +85,7 @@ fn secrets_that_others_read_and_tokens_that_are_none_are_told() {
     assert!(status.contains("running"), "{status}");
 }
 
-/// Strangers take connections, but not the files that the coordinator needs.
+/// Strangers take connections, but not the open files that the coordinator needs.
 #[test]
 fn strangers_take_no_files_away() {
     let folder = folder_with(&scene([16, 12], 100_000, 200));

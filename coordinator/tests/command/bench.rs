@@ -21,7 +21,7 @@ fn fail(folder: &Path, args: &str, code: i32, message: &str) {
     assert!(stderr.contains(message), "{args:?}: {stderr}");
 }
 
-/// The columns of a CSV file by name.
+/// The columns of a CSV file, by name.
 fn read_csv(path: &Path) -> Vec<std::collections::BTreeMap<String, String>> {
     let mut reader = csv::Reader::from_path(path).unwrap();
     reader.deserialize().map(|row| row.unwrap()).collect()
@@ -31,7 +31,7 @@ fn read_json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 
-/// The page is well-formed and needs nothing from elsewhere. Returns the text of its elements.
+/// The page is well-formed and refers to nothing elsewhere. Returns the text of its elements.
 fn read_page(path: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(path).unwrap();
     let options = roxmltree::ParsingOptions {
@@ -201,7 +201,7 @@ overrides = { alpha = 0.5, paths = 100, radius = 0.05, schedule = "beam", seed =
     assert!(rows.iter().all(|row| row["rel_mse"].is_empty()));
     let settings = &read_json(&path.join("out/bench.json"))["scenes"][0]["runs"][1]["settings"];
     assert_eq!(settings["schedule"], "beam");
-    // The command line comes before the file.
+    // The command line overrides the file.
     assert_eq!(settings["paths_per_pass"], 50);
     assert_eq!((&settings["alpha"], &settings["seed"]), (&0.5.into(), &1.into()));
     let texts = read_page(&path.join("out/bench.html"));
@@ -286,7 +286,7 @@ fn help_teaches_suites() {
     ] {
         assert!(help.contains(text), "{help}");
     }
-    // What bench starts for itself is nobody's business.
+    // The subcommand that bench starts for itself is hidden.
     assert!(!succeed(folder.path(), "--help").contains("bench-run"));
 }
 
@@ -312,7 +312,7 @@ fn every_render_leaves_its_error_against_time() {
         "surface_photons",
     ] {
         let values = column(name);
-        // A job may be over before anyone looked at its workers.
+        // A job may be over before anyone has looked at its workers.
         let first = values[0] > 0.0 || name == "worker_seconds";
         assert!(first && values.is_sorted(), "{name}: {values:?}");
     }

@@ -1,7 +1,7 @@
-//! Rounds of misfortune with nothing but real processes: a coordinator with a job directory and two workers are killed,
+//! Rounds of misfortune with real processes only: a coordinator with a job directory and two workers are killed,
 //! stopped and started again, and the image has the bits of an undisturbed run.
 //!
-//! `BEAMFARM_CHAOS_ROUNDS=100` makes it a long one; `BEAMFARM_CHAOS_SEED=17` repeats the round of that number.
+//! `BEAMFARM_CHAOS_ROUNDS=100` makes it a long test; `BEAMFARM_CHAOS_SEED=17` repeats the round of that number.
 
 use crate::setup::{LONG, Process, beamfarm, folder_with, line, random, scene, spawn, succeed};
 use std::fs::File;
@@ -26,7 +26,7 @@ struct Stage<'a> {
     folder: &'a Path,
     address: String,
     coordinator: Process,
-    /// What all of them have said.
+    /// The output of all processes.
     said: Vec<String>,
     workers: Vec<Process>,
 }
@@ -80,7 +80,7 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// What was said last.
+    /// The last output.
     fn tale(&self) -> String {
         let mut tale = self.said[self.said.len().saturating_sub(60)..].join("\n");
         for i in 0..WORKERS {
@@ -90,7 +90,7 @@ impl<'a> Stage<'a> {
         tale
     }
 
-    /// Let so many things happen.
+    /// Waits for this many events.
     fn wait(&mut self, things: u64) {
         for _ in 0..things {
             if self.hear().is_none() {
@@ -99,7 +99,7 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// Until a checkpoint is being written, if one is within some time.
+    /// Waits until a checkpoint is being written, for a limited time.
     fn wait_for_checkpoint(&mut self) {
         let job = self.folder.join("a.job");
         let parts = [0, 1].map(|i| job.join(format!("checkpoint-{i}.part")));
@@ -109,7 +109,7 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// As a machine that loses its power.
+    /// As when the machine loses power.
     fn kill_coordinator(&mut self) {
         let is_running = self.coordinator.is_running();
         self.coordinator.kill();
@@ -169,7 +169,7 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// First pass that nobody has been given.
+    /// The first pass that nobody has been given.
     fn untouched(&self) -> u64 {
         let leased = self.said.iter().filter_map(|line| {
             let (_, lease) = line.split_once(" leased worker=")?;
@@ -180,7 +180,7 @@ impl<'a> Stage<'a> {
         leased.max().map_or(0, |pass| pass + 1)
     }
 
-    /// End the job soon, in peace; how many passes it has.
+    /// Ends the job soon and regularly; returns how many passes it has.
     fn finish(mut self) -> u64 {
         self.wait(20);
         self.kill_coordinator();
@@ -189,7 +189,7 @@ impl<'a> Stage<'a> {
         while self.hear().is_some() {}
         let status = self.coordinator.wait();
         assert!(status.success(), "{status}: {}", self.tale());
-        // They are told, and so they were all the time.
+        // They are told of the end.
         let until = Instant::now() + LONG;
         for i in 0..WORKERS {
             let Some(status) = self.workers[i].ends(until) else {

@@ -1,9 +1,9 @@
-//! Whom a message blames, and what it calls things.
+//! What a message blames, and what it calls things.
 
 use crate::setup::{beamfarm, fail, folder_with, scene, spawn, succeed};
 use std::net::TcpListener;
 
-/// A value on the command line is in no line of the file.
+/// A value from the command line is on no line of the file.
 #[test]
 fn fields_on_the_command_line_are_blamed_themselves() {
     let folder = folder_with(&scene([16, 12], 1, 200));
@@ -18,7 +18,7 @@ fn fields_on_the_command_line_are_blamed_themselves() {
         ("camera.fov=wide", "camera.fov"),
         ("lights.0.power=-1", ""),
         ("world.medium=smoke", ""),
-        // An old value that becomes wrong by the new one.
+        // A value in the file that the new one makes wrong.
         ("shapes.0.radios=1", ""),
         ("lights.7.power=1", ""),
     ] {
@@ -29,7 +29,7 @@ fn fields_on_the_command_line_are_blamed_themselves() {
             "{option}: {stderr}"
         );
     }
-    // Of several the one that is at fault.
+    // With several, the faulty one is named.
     let stderr = refused(&["-D", "camera.fov=40", "-D", "lights.0.power=-1", "--seed", "3"]);
     assert!(stderr.starts_with("scene.toml: -D lights.0.power=-1: "), "{stderr}");
     let stderr = fail(
@@ -38,7 +38,7 @@ fn fields_on_the_command_line_are_blamed_themselves() {
     )
     .1;
     assert!(stderr.starts_with("scene.toml: -D animation.frames=wide: "), "{stderr}");
-    // What is wrong with the file itself has its line.
+    // An error in the file itself is reported at its line.
     std::fs::write(
         path.join("scene.toml"),
         scene([16, 12], 1, 200).replace("radius = 0.35", "radius = -1"),
@@ -70,7 +70,7 @@ fn compare_says_what_a_file_is_in_place_of_an_exr() {
         (code, &*stderr),
         (2, "error: a.png: expected an OpenEXR image; this is a PNG\n")
     );
-    // Whatever it is called.
+    // Whatever the file is called.
     std::fs::copy(path.join("a.png"), path.join("b.exr")).unwrap();
     let (_, stderr) = fail(path, &["compare", "a.exr", "b.exr"]);
     assert_eq!(stderr, "error: b.exr: expected an OpenEXR image; this is a PNG\n");
@@ -124,7 +124,7 @@ fn names_of_hosts_are_resolved_or_told() {
     }
 }
 
-/// A token that nobody else knows is no use without its link.
+/// A random token is of no use without its link.
 #[test]
 fn the_link_of_a_live_view_is_whole_wherever_it_is_written() {
     let folder = folder_with(&scene([16, 12], 1, 200));
@@ -138,7 +138,7 @@ fn the_link_of_a_live_view_is_whole_wherever_it_is_written() {
         token.len() >= 32 && token.chars().all(|c| c.is_ascii_alphanumeric()),
         "{page}"
     );
-    // One that somebody gave it stays with who gave it.
+    // A token that the user chose is not printed.
     let mut command = beamfarm(folder.path(), &["live", "scene.toml", "--workers", "0"]);
     command.env("BEAMFARM_TOKEN", "a-token-of-somebody");
     let page = spawn(command).log.wait_for("page: ");

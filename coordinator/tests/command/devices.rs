@@ -1,5 +1,5 @@
-//! Passes on GPUs: what is there, what is refused and how, and the bits of what is rendered. The command may be built
-//! without them, and there may be no device: what cannot be tried then is said, and passes.
+//! Passes on GPUs: listing, refusals, and the bits of renders. The command may be built without them, and there may be
+//! no device: tests that cannot run then print a note and pass.
 
 use crate::setup::{LONG, attribute, beamfarm, fail, folder_with, line, output, run, scene, spawn, succeed, text};
 use beamfarm_image::job::EngineKind;
@@ -10,7 +10,7 @@ use std::time::Instant;
 const NOT_BUILT: &str = "error: this program was built without the engine gpu: `cargo build --release --features gpu` \
                          makes one that has it\n";
 
-/// Where the loader of Vulkan finds no driver.
+/// A place where the Vulkan loader finds no driver.
 fn without_drivers(folder: &Path, args: &[&str]) -> Command {
     let mut command = beamfarm(folder, args);
     for name in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
@@ -27,7 +27,7 @@ fn failed(command: Command) -> (Option<i32>, String) {
     (output.status.code(), text(&output.stderr).to_owned())
 }
 
-/// Whether the command has the engine gpu.
+/// Whether the command was built with the engine gpu.
 fn is_built(folder: &Path) -> bool {
     let (code, stderr) = failed(without_drivers(folder, &["devices"]));
     let is_built = stderr != NOT_BUILT;
@@ -52,7 +52,7 @@ fn easy() -> String {
     scene([16, 12], 2, 200)
 }
 
-/// With what they cannot.
+/// The same with something that devices cannot render.
 fn hard() -> String {
     let easy = easy();
     format!(
@@ -62,7 +62,7 @@ fn hard() -> String {
     )
 }
 
-/// One of each kind of surface, shape and light that only processors have.
+/// One of each kind of surface, shape and light that only processors render.
 const NOT_FOR_DEVICES: &str = r#"
 [materials.leaf]
 type = "translucent"
@@ -201,7 +201,7 @@ fn without_vulkan_there_is_one_sentence() {
         assert_eq!(failed(without_drivers(path, args)), expected, "{args:?}");
         assert!(!path.join("a.exr").exists());
     }
-    // Processors need none, and the scene's word is not the last.
+    // Processors need no device, and the command line overrides the scene.
     let args = ["-D", "render.engine=gpu", "--engine", "cpu", "-o", "a.exr", "--quiet"];
     let output = output(without_drivers(path, &[&["render", "scene.toml"], &args[..]].concat()));
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -215,13 +215,13 @@ fn without_vulkan_there_is_one_sentence() {
     assert!(stderr.contains("expected cpu, gpu or auto"), "{stderr}");
 }
 
-/// What a job of processors is told that is to go on by a device.
+/// What a job of processors reports when it is to go on with a device.
 fn others() -> String {
     let [cpu, gpu] = [EngineKind::Cpu, EngineKind::Gpu].map(EngineKind::identity);
     format!("engine {cpu} there, {gpu} here")
 }
 
-/// And only where the scene or somebody leaves it to the command, which says why.
+/// This happens only where the scene or the user leaves the choice to the command, and it prints the reason.
 #[test]
 fn auto_stays_with_processors_where_there_is_no_card() {
     let folder = folder_with(&easy());
@@ -241,7 +241,7 @@ fn auto_stays_with_processors_where_there_is_no_card() {
             EngineKind::Cpu.identity()
         );
     }
-    // What renders elsewhere, or once more, has to be told.
+    // Options must be passed on to renders in other processes and to later ones.
     for command in [
         &["serve", "scene.toml", "--listen", "127.0.0.1:0"][..],
         &["replay", "scene.toml", "--pass", "0"],
@@ -268,7 +268,7 @@ fn a_device_that_is_not_there_is_named() {
     }
 }
 
-/// Before anything is rendered, also where the device is elsewhere, and all of it.
+/// All of it, before anything is rendered, even if the device is elsewhere.
 #[test]
 fn what_keeps_a_scene_from_devices_is_told_at_once() {
     let folder = folder_with(&hard());
@@ -325,7 +325,7 @@ fn what_keeps_a_scene_from_devices_is_told_at_once() {
         .collect();
     assert_eq!((code, own), (Some(2), expected));
     assert!(!path.join("a.exr").exists() && !path.join("a.job").exists());
-    // With whatever layers.
+    // With any layers.
     let easy = folder_with(&easy());
     let explain = |more: &[&str]| succeed(easy.path(), &[&["explain", "scene.toml"], more].concat());
     assert!(line(&explain(&[]), "engine: ").starts_with("engine: gpu possible, takes "));
@@ -333,7 +333,7 @@ fn what_keeps_a_scene_from_devices_is_told_at_once() {
     assert!(line(&told, "engine: ").starts_with("engine: gpu possible, takes "));
 }
 
-/// What one engine began the other does not go on with, and a worker that has not the job's says so and ends.
+/// A job begun with one engine does not go on with the other, and a worker without the job's engine says so and ends.
 #[test]
 fn a_job_is_of_one_engine() {
     let folder = folder_with(&easy());
@@ -366,7 +366,7 @@ fn a_job_is_of_one_engine() {
         )
     );
     assert!(begun.elapsed() < LONG);
-    // Who watches is told of it.
+    // Status shows it.
     let status = succeed(path, &["status", &address]);
     assert!(status.contains("\nengine    gpu 7\n"), "{status}");
     assert!(
@@ -385,7 +385,7 @@ fn a_job_is_of_one_engine() {
     assert!(job.contains("\"engine\": \"gpu 7\""), "{job}");
 }
 
-/// Before it has looked for a coordinator.
+/// Before it looks for a coordinator.
 #[test]
 fn a_worker_that_lacks_what_it_was_to_offer_says_so() {
     let folder = folder_with(&easy());
@@ -408,7 +408,7 @@ fn a_worker_that_lacks_what_it_was_to_offer_says_so() {
     ] {
         assert_eq!(worker(more), (Some(6), expected.to_owned()), "{more:?}");
     }
-    // Nobody asked for one, and there is none.
+    // No device was asked for, and there is none.
     let (code, stderr) = worker(&[]);
     assert_eq!(code, Some(3), "{stderr}");
     if has_device(path) && !succeed(path, &["devices"]).contains("discrete") {
@@ -421,7 +421,7 @@ fn a_worker_that_lacks_what_it_was_to_offer_says_so() {
     }
 }
 
-/// Each is a worker of its own, and those that a job has no use for leave it to the others.
+/// Each device is a worker, and those that a job cannot use leave it to the others.
 #[test]
 fn devices_of_one_machine_are_workers_and_so_are_its_processors() {
     let folder = folder_with(&easy());
@@ -460,7 +460,7 @@ fn devices_of_one_machine_are_workers_and_so_are_its_processors() {
         &both,
         "--no-cache",
     ];
-    // Or the processor is done before the device is there.
+    // Or the processor finishes before the device is ready.
     succeed(path, &["pause", &address]);
     let mut worker = spawn(beamfarm(path, &args));
     let ended = worker.log.wait_for(&format!("\"node gpu {name}\" has ended: "));
@@ -471,18 +471,19 @@ fn devices_of_one_machine_are_workers_and_so_are_its_processors() {
     assert!(worker.wait().success() && serve.wait().success());
 }
 
-/// A command that finds what Mesa compiled for tests before this one: in software that takes longer than all else.
+/// A command that uses what Mesa compiled for earlier tests: with a software driver, compiling takes longer than
+/// everything else.
 fn with_compiled(folder: &Path, args: &[&str]) -> Command {
     let mut command = beamfarm(folder, args);
     let compiled = Path::new(env!("CARGO_TARGET_TMPDIR")).join("compiled-kernels");
     command.env("MESA_SHADER_CACHE_DIR", &compiled);
-    // Its name in older versions.
+    // The variable's name in older versions.
     command.env("MESA_GLSL_CACHE_DIR", &compiled);
     command
 }
 
-/// A farm's passes on a device, its image's words, and one of the passes once more. There are no photons, which have
-/// kernels of their own to compile.
+/// A farm's passes on a device, the image's attributes, and one of the passes once more. There are no photons, which
+/// would need further kernels to be compiled.
 #[test]
 fn passes_on_a_device_have_the_same_bits_again() {
     let folder = folder_with(&easy().replace("\"photons\"", "\"paths\""));
@@ -512,7 +513,7 @@ fn passes_on_a_device_have_the_same_bits_again() {
     let replay = output(with_compiled(path, &replay));
     assert!(replay.status.success(), "{}", text(&replay.stderr));
     assert_eq!(line(text(&replay.stdout), "pass 0 "), format!("pass 0 {pixels}"));
-    // Both are measured, and the job is of the one that is better, whose bits it has.
+    // Both are measured; the job uses the better one and has its bits.
     let auto = [
         "render",
         "scene.toml",
@@ -539,7 +540,7 @@ fn passes_on_a_device_have_the_same_bits_again() {
         job.contains("\"engine\": \"gpu 7\""),
         "{note}"
     );
-    // The processor's are others, and are not added to these.
+    // The processor's bits differ, and its passes are not added to these.
     let by_processor = render("b", &[]);
     assert_ne!(line(&by_processor, "pixels "), pixels);
     assert!(!by_processor.contains("engine"), "{by_processor}");
@@ -552,7 +553,7 @@ fn passes_on_a_device_have_the_same_bits_again() {
     let (code, stderr) = fail(path, &[&args, &on_device[..]].concat());
     assert_eq!(code, 2);
     assert!(stderr.contains(&others()), "{stderr}");
-    // What goes on is not measured again.
+    // A resumed job is not measured again.
     let auto = succeed(path, &[&args[..], &["--engine", "auto"]].concat());
     assert!(
         auto.contains("resuming b.job with 1 passes") && !auto.contains("engine"),

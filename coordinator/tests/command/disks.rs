@@ -1,4 +1,4 @@
-//! Disks that fill up, turn read-only, or go away, and come back: whatever was to be written is there in the end.
+//! Disks that fill up, turn read-only or disappear, and come back: everything that was to be written exists in the end.
 
 #![cfg(target_os = "linux")]
 
@@ -9,12 +9,12 @@ use std::process::Command;
 use std::thread::scope;
 use tempfile::TempDir;
 
-/// What befalls a disk.
+/// What happens to a disk.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Ill {
     Full,
     ReadOnly,
-    /// Nothing of it can be found.
+    /// It cannot be found at all.
     Gone,
 }
 
@@ -23,7 +23,7 @@ const ALL: [Ill; 3] = [Ill::Full, Ill::ReadOnly, Ill::Gone];
 /// A file system of its own.
 struct Disk {
     at: PathBuf,
-    /// Mounts at this place, one upon the other.
+    /// Mounts at this place, stacked.
     mounts: u32,
 }
 
@@ -43,7 +43,7 @@ impl Disk {
         match ill {
             Ill::Full => {
                 let mut ballast = std::fs::File::create(self.at.join("ballast")).unwrap();
-                // All that is left, in the end a byte at a time.
+                // Fills the remaining space, finally byte by byte.
                 for size in [4096, 1] {
                     while std::io::Write::write_all(&mut ballast, &vec![0; size]).is_ok() {}
                 }
@@ -82,7 +82,7 @@ impl Drop for Disk {
     }
 }
 
-/// A command whose folder `disk` falls ill.
+/// A command whose folder is on `disk`, which fails.
 struct Trial {
     folder: TempDir,
     disk: Disk,
@@ -102,10 +102,10 @@ impl Trial {
         }
     }
 
-    /// Run it. The disk falls ill when the command has begun, and recovers when the command says that it tries again.
-    /// What it prints.
+    /// Runs it. The disk fails when the command has begun, and recovers when the command reports a new attempt. Returns
+    /// what it prints.
     fn run(&mut self) -> String {
-        // Commands remove this when they have found that they can write there.
+        // Commands remove this once they have checked that they can write there.
         let leftover = self.disk.at.join(".beamfarm-a.exr-left");
         std::fs::write(&leftover, "").unwrap();
         let mut process = spawn(beamfarm(self.folder.path(), &self.args));
@@ -115,7 +115,7 @@ impl Trial {
             }),
             false => process.log.wait_for("page: ").truncate(0),
         }
-        // Nothing happens meanwhile.
+        // Nothing happens in between.
         process.signal("-STOP");
         self.disk.fall(self.ill);
         process.signal("-CONT");
@@ -148,7 +148,7 @@ fn pixels(stdout: &str) -> &str {
     line(stdout, "pixels ")
 }
 
-/// Nothing but its image tells of an afternoon's work.
+/// After an afternoon's work, only the image is left to tell of it.
 fn an_image(ill: Ill) {
     let folder = still();
     let undisturbed = succeed(folder.path(), &["render", "scene.toml"]);
@@ -170,7 +170,7 @@ fn a_reference(ill: Ill) {
     assert!(found == expected, "{}", trial.name());
 }
 
-/// The folder has all that the image has.
+/// The folder holds everything that the image holds.
 fn a_job(ill: Ill) {
     let folder = still();
     let undisturbed = succeed(folder.path(), &["render", "scene.toml"]);
@@ -191,7 +191,7 @@ fn a_job(ill: Ill) {
     assert_eq!(pixels(&again), pixels(&undisturbed), "{}", trial.name());
 }
 
-/// Those that follow wait as well, and none is left out. `args`: what is on the disk.
+/// Later frames wait as well, and none is left out. `args`: what is on the disk.
 fn all_frames(ill: Ill, args: &[&'static str]) {
     let folder = frames::folder(3);
     let path = folder.path();
@@ -216,7 +216,7 @@ fn all_frames(ill: Ill, args: &[&'static str]) {
 #[test]
 #[cfg_attr(not(can_mount), ignore = "needs the right to mount file systems")]
 fn what_a_disk_does_not_take_is_written_when_it_does() {
-    // Most of their time they wait.
+    // They spend most of their time waiting.
     scope(|scope| {
         for ill in ALL {
             scope.spawn(move || an_image(ill));

@@ -1,4 +1,4 @@
-//! A picture is made by trying: what is changed of a scene, and what becomes of what is there.
+//! A picture is made by trial: what changes in a scene, and what happens to existing files.
 
 use crate::setup::{attribute, beamfarm, fail, folder_with, line, run, scene, spawn, succeed, text};
 use beamfarm_image::exr::read_rgb;
@@ -36,20 +36,20 @@ fn what_changes_no_pixel_changes_nothing() {
     for same in same {
         assert_ne!(same, original);
         write(folder, &same);
-        // The job folder is the same job's: nothing is rendered again.
+        // The job folder belongs to the same job: nothing is rendered again.
         let said = succeed(folder, &["render", "scene.toml", "--job", "a.job"]);
         assert!(said.contains("resuming a.job with 4 passes"), "{said}");
         assert_eq!(pixels(&said), first);
         assert_eq!(attribute(&folder.join("scene.exr"), "beamfarmScene"), hash);
     }
-    // The file's own name is none of its meaning either; and an edited number of passes is the job's.
+    // The file's name does not matter either, and a changed number of passes belongs to the job.
     std::fs::write(folder.join("other.toml"), scene(SIZE, 6, 200)).unwrap();
     let said = succeed(folder, &["render", "other.toml", "--job", "a.job"]);
     assert!(said.contains("resuming a.job with 4 passes"), "{said}");
     assert_eq!(attribute(&folder.join("other.exr"), "beamfarmPasses"), "6");
 }
 
-/// The PNG shows what the EXR holds in the view that is asked for; nothing else follows it.
+/// The PNG shows the EXR in the requested view; nothing else depends on the view.
 #[test]
 fn pictures_are_shown_in_the_view_that_is_asked_for() {
     let plain = scene(SIZE, 2, 200);
@@ -77,7 +77,7 @@ fn pictures_are_shown_in_the_view_that_is_asked_for() {
         first
     );
     shows("scene", view);
-    // The job knows it, and the command line has the last word.
+    // The job remembers it, and the command line overrides it.
     let merged = succeed(folder, &["merge", "b.job", "-o", "merged.exr"]);
     assert_eq!(pixels(&merged), first);
     shows("merged", view);
@@ -174,7 +174,7 @@ fn commands_do_not_write_over_each_others_images() {
     succeed(folder, &["render", "scene.toml"]);
 }
 
-/// Mitsuba's scenes are all called scene.xml.
+/// Mitsuba scenes are all called scene.xml.
 #[test]
 fn scenes_of_one_name_in_two_folders_have_two_images() {
     let folder = tempfile::tempdir().unwrap();
@@ -191,7 +191,7 @@ fn scenes_of_one_name_in_two_folders_have_two_images() {
     assert_ne!(fog, smoke);
     assert_eq!(image("scene.exr"), of_fog);
     assert!(folder.join("smoke-scene.png").exists());
-    // By whichever way, and although the plain name is free again.
+    // With either command, and although the plain name is free again.
     std::fs::remove_file(folder.join("scene.exr")).unwrap();
     let above = folder.join("fog/../smoke/scene.toml");
     succeed(folder, &["render", above.to_str().unwrap()]);
@@ -201,7 +201,7 @@ fn scenes_of_one_name_in_two_folders_have_two_images() {
         attribute(&folder.join("scene.exr"), "beamfarmSceneFile"),
         "fog/scene.toml"
     );
-    // The job's folder goes with the image.
+    // The job folder goes with the image.
     succeed(
         folder,
         &[
@@ -239,7 +239,7 @@ fn shells_and_man_know_the_command() {
     assert_eq!(hidden.status.code(), Some(1), "{}", text(&hidden.stderr));
 }
 
-/// What will be black or empty is said, and where things are.
+/// What will be black or empty is reported, with where things are.
 #[test]
 fn darkness_is_told() {
     let folder = folder_with(&scene(SIZE, 2, 200));
@@ -250,7 +250,7 @@ fn darkness_is_told() {
         text(&output.stderr).to_owned()
     };
     assert!(!warned(&[]).contains("black"));
-    // The lamp in the ball, and the ball opaque.
+    // The lamp inside the ball, and the ball opaque.
     let dark = warned(&["-D", "lights.0.position=[0, 1, 0]", "-D", "world.medium=none"]);
     assert_eq!(dark.matches("the image is black").count(), 1, "{dark}");
     let unlit = scene(SIZE, 2, 200);

@@ -1,5 +1,5 @@
-//! The farm that renders frames: workers that stay, a next frame that begins before the last one has ended, and what is
-//! killed and started again.
+//! The farm that renders frames: workers that stay, a next frame that begins before the last one has ended, kills and
+//! restarts.
 
 use crate::frames::{alone, folder, of_frame, report};
 use crate::setup::{Process, beamfarm, output, random, signal, spawn, succeed, text, wait_until};
@@ -23,21 +23,21 @@ fn workers_stay_and_load_nothing_twice() {
     assert_eq!(log.matches("fetching floor.obj ").count(), 1, "{log}");
     assert_eq!(log.matches("fetching scene.toml ").count(), 3, "{log}");
     assert_eq!(log.matches("rendering scene ").count(), 3, "{log}");
-    // Lines say which frame they are about.
+    // Lines name their frame.
     for frame in 1..=3 {
         let leased = |line: &&str| line.contains("leased ") && line.contains(&format!("job{{job=\"f.{frame}-"));
         assert!(log.lines().any(|line| leased(&line)), "frame {frame}: {log}");
     }
 }
 
-/// Three passes of a frame are one too many for two workers: the one that is free goes on with the next frame.
+/// Three passes are one too many for two workers: the free one goes on with the next frame.
 #[test]
 fn a_frame_begins_while_the_last_passes_of_the_one_before_are_out() {
     let folder = folder(3);
     let path = folder.path();
     let args = ["render", "scene.toml", "--frames", "1-4", "-o", "f.#.exr"];
     let mut command = beamfarm(path, &args);
-    // Long passes: what two workers have to say to the coordinator takes no time beside them.
+    // Long passes, so that the workers' calls to the coordinator take no noticeable time.
     command.args(["--workers", "2", "--threads", "1", "--paths", "40000", "--log", "debug"]);
     let output = output(command);
     let log = text(&output.stderr);
@@ -131,7 +131,7 @@ fn a_killed_worker_changes_no_frame() {
     }
 }
 
-/// When each worker that is started dies, the frame at hand fails, and so does each after it.
+/// When every worker that is started dies, the current frame fails, and so does each later one.
 #[test]
 fn workers_that_keep_dying_fail_the_frame() {
     let folder = folder(1);
@@ -168,7 +168,7 @@ fn start_worker(folder: &Path, url: &str, more: &[&str]) -> Process {
     spawn(command)
 }
 
-/// One coordinator and two workers from elsewhere; both end in peace with the last frame.
+/// One coordinator and two workers started separately, all of which end successfully with the last frame.
 #[test]
 fn served_frames_are_shown_in_a_list() {
     let folder = folder(4);
@@ -203,12 +203,12 @@ fn served_frames_are_shown_in_a_list() {
         let is_there = page.contains("/thumbnail.png?frame=1") && picture.windows(4).any(|bytes| bytes == b"\x89PNG");
         is_there.then_some(()).ok_or(page)
     });
-    // It shows what is at hand, under its own name.
+    // It shows the current frame under its name.
     let status = succeed(path, &["status", &url]);
     assert!(status.contains("f."), "{status}");
     let output = server.finish();
     assert!(output.status.success(), "{}", text(&output.stderr));
-    // One of them may come too late for a frame, and one that is idle goes where a pass may be left, and back.
+    // One of them may come too late for a frame; an idle one moves to where a pass may be left, and back.
     let mut rendered = 0;
     for worker in &mut workers {
         let status = worker.wait();
@@ -221,12 +221,12 @@ fn served_frames_are_shown_in_a_list() {
     for frame in 1..=3 {
         let own = alone(path, frame, &["--passes", "40"]);
         assert_eq!(of_frame(&all, frame)["pixels"], own, "frame {frame}");
-        // A server keeps jobs whether anybody asked for it or not.
+        // A server keeps jobs whether or not this was requested.
         assert!(path.join(format!("f.{frame}.job/report.json")).exists());
     }
 }
 
-/// The server is killed between frames and started again at its address; the workers wait for it, and go on.
+/// The server is killed between frames and restarted at its address; the workers wait for it and go on.
 #[test]
 fn workers_outlive_a_server_of_frames() {
     let folder = folder(12);

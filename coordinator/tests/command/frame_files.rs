@@ -1,4 +1,4 @@
-//! Files of frames that meet misfortune: damage, a full disk, a kill, another command.
+//! Frame files and misfortune: damage, a full disk, a kill, another command.
 
 use crate::frames::{alone, folder, of_frame, report};
 use crate::setup::{beamfarm, run, spawn, succeed, text};
@@ -16,7 +16,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// What a loss of power may leave: zeros, half a file, nothing. And pixels that somebody else put there.
+/// What a loss of power may leave: zeros, half a file, nothing. And pixels from someone else.
 #[test]
 fn damaged_images_are_told_and_rendered_anew() {
     let folder = folder(2);
@@ -42,7 +42,7 @@ fn damaged_images_are_told_and_rendered_anew() {
         }
     }
     other.write().to_file(image(4)).unwrap();
-    // Only its PNG is damaged, which costs no rendering.
+    // Damage to the PNG alone costs no rendering.
     let png = image(5).with_extension("png");
     let shown = std::fs::read(&png).unwrap();
     std::fs::write(&png, zeros(&shown)).unwrap();
@@ -73,7 +73,7 @@ fn damaged_images_are_told_and_rendered_anew() {
     );
     assert!(std::fs::read(&png).unwrap() == shown);
 
-    // Without a report the checksums of the file tell.
+    // Without a report, the checksums in the file reveal it.
     std::fs::remove_file(path.join("f.report.json")).unwrap();
     std::fs::write(image(6), zeros(&whole[5])).unwrap();
     let output = run(path, &args);
@@ -85,7 +85,7 @@ fn damaged_images_are_told_and_rendered_anew() {
     assert_eq!(stderr.matches("damaged").count(), 1, "{stderr}");
 }
 
-/// Of frames that are there as well; but only of these, and not of those that somebody is writing.
+/// This includes frames that exist already, but only frames of this command, and none that another one is writing.
 #[test]
 fn what_killed_commands_were_writing_is_removed() {
     let folder = folder(1);
@@ -132,7 +132,7 @@ fn one_command_at_a_time_renders_frames_of_a_name() {
     let told = "f.report.json: another command renders frames of this name into this folder: wait for it, or name \
                 others with -o\n";
     assert!(stderr.starts_with("error: out/") && stderr.ends_with(told), "{stderr}");
-    // Others of this folder are nobody's business.
+    // Other files in this folder are left alone.
     succeed(path, &["render", "scene.toml", "--frames", "1", "-o", "out/g.##.exr"]);
     first.kill();
     // A kill leaves no lock.
@@ -187,7 +187,7 @@ fn frames_wait_for_a_full_disk_and_go_on() {
     }
     assert_eq!(names(&disk), Vec::<String>::new());
 
-    // Who does not want to wait is told what is missing.
+    // Without waiting, the command reports what is missing.
     fill();
     let mut render = spawn(beamfarm(path, &[&args[..], &["1-5"]].concat()));
     render.log.wait_for("disk/f.4.exr: ");
@@ -197,12 +197,12 @@ fn frames_wait_for_a_full_disk_and_go_on() {
     std::fs::remove_file(&ballast).unwrap();
     assert_eq!(output.status.code(), Some(5), "{stderr}");
     assert!(stderr.contains("\n  frame 4: disk/f.4.exr: "), "{stderr}");
-    // And the next command has it.
+    // The next command renders it.
     let stdout = succeed(path, &[&args[..], &["1-5"]].concat());
     assert_eq!(stdout.matches("is there already").count(), 3, "{stdout}");
     assert!(stdout.contains("5 of 5 frames are there"), "{stdout}");
 
-    // Job folders are made, and say how it ended, as soon as there is room.
+    // Job folders are made, and record how the job ended, as soon as there is room.
     fill();
     let jobs = ["6-7", "--job", "disk/jobs"];
     let mut render = spawn(beamfarm(path, &[&args[..], &jobs].concat()));

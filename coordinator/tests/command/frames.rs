@@ -1,4 +1,4 @@
-//! Frames of an animation as jobs of one command: their bits, their files, what is said of them.
+//! Frames of an animation as jobs of one command: their bits, their files, their reports.
 
 use crate::setup::{BY_PHOTONS, attribute, beamfarm, fail, folder_with, line, run, spawn, succeed, text, wait_until};
 use serde_json::Value;
@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::SystemTime;
 use tempfile::TempDir;
 
-/// A ball that goes through fog below a lamp that goes the other way, over a floor that stands still.
+/// A ball that moves through fog below a lamp that moves the other way, over a floor at rest.
 fn moving(render: &str, shutter: &str) -> String {
     format!(
         r#"
@@ -42,7 +42,7 @@ power = 100.0
 
 const FLOOR: &str = "v -3 0 3\nv 3 0 3\nv 3 0 -3\nv -3 0 -3\nf 1 2 3\nf 1 3 4\n";
 
-/// A folder with such a scene of so many passes.
+/// A folder with such a scene of this many passes.
 pub fn folder(passes: u32) -> TempDir {
     let render = format!("passes = {passes}, paths = 400, {BY_PHOTONS}");
     let folder = folder_with(&moving(&render, "[0.0, 0.5]"));
@@ -55,14 +55,14 @@ pub fn report(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 
-/// What it says of a frame.
+/// Its entry for a frame.
 pub fn of_frame(report: &Value, frame: i64) -> &Value {
     let frames = report["frames"].as_array().unwrap();
     let found = frames.iter().find(|record| record["frame"] == frame);
     found.unwrap_or_else(|| panic!("no frame {frame} in {report}"))
 }
 
-/// The pixels of a job of its own of this frame.
+/// The pixels of a separate job for this frame.
 pub fn alone(folder: &Path, frame: i64, more: &[&str]) -> String {
     let frame = format!("animation.frame={frame}");
     let args = ["render", "scene.toml", "-o", "alone.exr", "-D", &frame];
@@ -92,11 +92,11 @@ fn each_frame_is_a_job_of_its_own() {
         let image = path.join(format!("out/f.0{frame}.exr"));
         assert_eq!(record["image"], format!("out/f.0{frame}.exr"));
         assert!(image.with_extension("png").exists());
-        // As the job of its own says of itself, but for its name.
+        // The same attributes as a separate job's, except for its name.
         for name in ["beamfarmScene", "beamfarmPassSet", "beamfarmPasses", "beamfarmSeed"] {
             assert_eq!(attribute(&image, name), attribute(&path.join("alone.exr"), name));
         }
-        // In the order in which they are done.
+        // In the order in which they finish.
         let start = format!("frame {frame} ({frame}/4): wrote out/f.0{frame}.exr, 3 passes in ");
         let said = lines.iter().find(|line| line.starts_with(&start));
         let said = said.unwrap_or_else(|| panic!("{stdout}"));
@@ -116,7 +116,7 @@ fn each_frame_is_a_job_of_its_own() {
     );
 }
 
-/// Where pilots choose, each frame has its own.
+/// Where pilots choose, each frame has its own pilot.
 #[test]
 fn pilots_choose_as_for_a_job_of_its_own() {
     let folder = folder_with(&moving("passes = 2", "[0.0, 0.5]"));
@@ -134,7 +134,7 @@ fn pilots_choose_as_for_a_job_of_its_own() {
     }
 }
 
-/// What is there stays, whatever was asked for later; more passes, another seed or another scene make another image.
+/// Frames that exist stay, whatever is requested later; more passes, another seed or another scene make another image.
 #[test]
 fn later_frames_come_to_those_that_are_there() {
     let folder = folder(2);
@@ -157,7 +157,7 @@ fn later_frames_come_to_those_that_are_there() {
     let frames: Vec<i64> = frames.filter_map(|record| record["frame"].as_i64()).collect();
     assert_eq!(frames, [1, 2, 3, 4, 5, 6]);
 
-    // In another view only their PNGs are other ones.
+    // In another view only the PNGs differ.
     let pngs = images
         .each_ref()
         .map(|image| std::fs::read(image.with_extension("png")).unwrap());
@@ -174,10 +174,10 @@ fn later_frames_come_to_those_that_are_there() {
             .map(|image| std::fs::read(image.with_extension("png")).unwrap())
     );
 
-    // With nothing left to do it says so.
+    // With nothing left to do it prints a note.
     let stdout = render("1-6", &[]);
     assert_eq!(stdout.matches("is there already").count(), 6, "{stdout}");
-    // Fewer passes are there as well.
+    // A smaller number of passes is there already.
     assert!(render("1", &["--passes", "1"]).contains("with 2 passes"));
     render("1", &["--passes", "3"]);
     assert_eq!(attribute(&images[0], "beamfarmPasses"), "3");
@@ -186,7 +186,7 @@ fn later_frames_come_to_those_that_are_there() {
     // A layer that it lacks.
     render("5", &["--aov", "depth"]);
     assert_ne!(written(&images[2]), times[2]);
-    // The bits of its passes: another version of the program may have others.
+    // Another version of the program may render other bits.
     let mut bytes = std::fs::read(&images[2]).unwrap();
     let bits = attribute(&images[2], "beamfarmEngine");
     let at = bytes.windows(bits.len()).position(|window| window == bits.as_bytes());
@@ -254,7 +254,7 @@ fn each_frame_ends_by_itself() {
         );
         assert_eq!(record["pixels"], alone(path, frame, &["--target-error", "20%"]));
     }
-    // Those that have it are not rendered again; those that were asked for less are.
+    // Frames that have it are not rendered again; those rendered with less are.
     let again = succeed(path, &[&args[..], &["--target-error", "20%", "-o", "e.#.exr"]].concat());
     assert_eq!(again.matches("is there already").count(), 2, "{again}");
     let less = succeed(path, &[&args[..], &["--target-error", "10%", "-o", "e.#.exr"]].concat());
@@ -262,7 +262,7 @@ fn each_frame_ends_by_itself() {
 
     let begun = std::time::Instant::now();
     succeed(path, &[&args[..], &["--time", "2s", "-o", "t.#.exr"]].concat());
-    // Time is each frame's own.
+    // Each frame has its own time budget.
     assert!(begun.elapsed().as_secs_f64() > 4.0);
     let all = report(&path.join("t.report.json"));
     for frame in [1, 20] {
@@ -292,7 +292,7 @@ fn noise_stands_still_or_has_a_seed_a_frame() {
         assert_eq!(record["pixels"], alone(path, frame, &["--seed", &seed.to_string()]));
         assert_ne!(record["pixels"], of_frame(&still, frame)["pixels"]);
     }
-    // The same seeds another time, so that what is there stays.
+    // The same seeds again, so that existing frames stay.
     let again = succeed(path, &[&args[..], &["--seed-per-frame", "-o", "grain.#.exr"]].concat());
     assert_eq!(again.matches("is there already").count(), 2, "{again}");
 }
@@ -325,7 +325,7 @@ fn a_frame_that_fails_names_itself_and_the_others_go_on() {
     assert_eq!(of_frame(&all, 3)["pixels"], alone(path, 3, &[]));
     assert_eq!(of_frame(&all, 2)["stopped"], "failed");
 
-    // What failed is tried again, and only that.
+    // Failed frames are tried again, and only those.
     for frame in [2, 4, 5] {
         std::fs::write(floor(frame), FLOOR).unwrap();
     }
@@ -335,7 +335,7 @@ fn a_frame_that_fails_names_itself_and_the_others_go_on() {
     assert_eq!(all["failed"], Value::Array(Vec::new()));
     assert_eq!(of_frame(&all, 4)["pixels"], alone(path, 4, &[]));
 
-    // When the scene itself is wrong there is one reason.
+    // When the scene itself is wrong, there is one message.
     let broken = std::fs::read_to_string(path.join("scene.toml")).unwrap();
     std::fs::write(path.join("scene.toml"), broken.replace("radius = 0.35", "radius = -1")).unwrap();
     let output = run(path, &["render", "scene.toml", "--frames", "1-5", "-o", "g.#.exr"]);
@@ -347,7 +347,7 @@ fn a_frame_that_fails_names_itself_and_the_others_go_on() {
     );
 }
 
-/// A signal ends all frames with what is there of the one at hand.
+/// A signal ends all frames; the current one keeps what it has.
 #[test]
 fn an_interrupted_command_keeps_what_is_there() {
     let folder = folder(2);
@@ -369,13 +369,13 @@ fn an_interrupted_command_keeps_what_is_there() {
         of_frame(&all, 1)["pixels"],
         alone(path, 1, &["--passes", &passes.to_string()])
     );
-    // A job folder for each frame, and what was there of it goes on.
+    // Each frame has a job folder, and resumes from it.
     let passes = (passes + 40).to_string();
     let args = ["--frames", "1-2", "--job", "jobs", "--passes", &passes, "-o", "g.#.exr"];
     let mut command = beamfarm(path, &[&["render", "scene.toml"], &args[..]].concat());
     command.args(["--log", "debug"]);
     let mut render = spawn(command);
-    // Or all of it, where passes are quick.
+    // Or all of them, where passes are quick.
     let files = ["jobs/0001/checkpoint-1", "g.1.exr"].map(|name| path.join(name));
     wait_until("a checkpoint", || match files.iter().any(|file| file.exists()) {
         true => Ok(()),
@@ -393,7 +393,7 @@ fn an_interrupted_command_keeps_what_is_there() {
             of_frame(&all, frame)["pixels"],
             alone(path, frame, &["--passes", &passes])
         );
-        // The image is written before it: a kill between the two leaves the image, and nothing to resume.
+        // The image is written first: a kill in between leaves the image and nothing to resume.
         let was_killed_between = frame == 1 && stdout.contains("g.1.exr is there");
         let report = path.join(format!("jobs/000{frame}/report.json"));
         assert!(report.exists() || was_killed_between, "{stdout}");

@@ -1,4 +1,4 @@
-//! The live view without a browser: its socket as the page uses it.
+//! The live view without a browser: its socket, used like the page does.
 
 use crate::devices::has_device;
 use crate::setup::{LONG, Process, beamfarm, fail, folder_with, scene, spawn, succeed, wait_until};
@@ -15,14 +15,14 @@ use tungstenite::{Message, WebSocket};
 
 const TOKEN: &str = "the-token-of-this-view";
 
-/// The address of a view and the token of its page, of the link that it prints.
+/// The address of a view and the token of its page, from the link that it prints.
 fn link(process: &mut Process) -> (String, String) {
     let page = process.log.wait_for("page: http://");
     let (address, token) = page.split_once("/enter#").unwrap();
     (address.to_owned(), token.to_owned())
 }
 
-/// A view of a scene, and a page of it.
+/// A view of a scene, and one of its pages.
 pub struct View {
     pub process: Process,
     address: String,
@@ -31,10 +31,10 @@ pub struct View {
     /// The last of each kind of message, and the header of the last picture.
     pub last: std::collections::BTreeMap<String, Value>,
     pictures: Vec<Value>,
-    /// Radiance of the last picture, where it is asked for.
+    /// Radiance of the last picture, where requested.
     linear: Option<Vec<f32>>,
     pub seq: u64,
-    /// How long it waits for what it wants to hear.
+    /// How long it waits for an expected message.
     patience: Duration,
 }
 
@@ -43,7 +43,7 @@ impl View {
         Self::as_asked(folder, args, "/look")
     }
 
-    /// `path`: of the socket, with how pictures are wanted.
+    /// `path`: the socket's, including the requested form of pictures.
     fn as_asked(folder: &TempDir, args: &[&str], path: &str) -> Self {
         let all = [&["live", "scene.toml", "--listen", "127.0.0.1:0"], args].concat();
         let mut command = beamfarm(folder.path(), &all);
@@ -69,7 +69,7 @@ impl View {
         self.socket.send(Message::text(message.to_string())).unwrap();
     }
 
-    /// A change of its own.
+    /// Sends a change.
     fn change(&mut self, mut message: Value) -> u64 {
         self.seq += 1;
         message["seq"] = json!(self.seq);
@@ -109,7 +109,7 @@ impl View {
         }
     }
 
-    /// Hear until this is there.
+    /// Receives messages until this holds.
     pub fn hear_until<T>(&mut self, what: &str, mut look: impl FnMut(&Self) -> Option<T>) -> T {
         let until = Instant::now() + self.patience;
         loop {
@@ -151,7 +151,7 @@ fn connect(address: &str, path: &str, token: Option<&str>) -> Result<WebSocket<M
     Ok(socket)
 }
 
-/// The body of what the view's port answers.
+/// The body of an answer from the view's port.
 fn get(address: &str, path: &str) -> Vec<u8> {
     let mut stream = TcpStream::connect(address).unwrap();
     write!(
@@ -170,7 +170,7 @@ fn get(address: &str, path: &str) -> Vec<u8> {
     bytes.split_off(end + 4)
 }
 
-/// As editors do: whoever looks finds the old text or the new one.
+/// As editors do: readers find the old text or the new one.
 fn replace(path: &Path, text: &str) {
     let beside = path.with_extension("new");
     std::fs::write(&beside, text).unwrap();
@@ -188,7 +188,7 @@ fn at_rest_it_has_the_bits_of_render() {
     view.hear_until("the scene", |view| view.last.get("scene").map(|_| ()));
     assert_eq!(view.field("lights.0.power").unwrap()["value"], json!(100.0));
 
-    // A drag in twenty steps, of which only the last place is in the file.
+    // A drag in twenty steps, of which only the final position is in the file.
     for step in 1..=20 {
         let by = json!([0.02 * f64::from(step), 0.0, 0.0]);
         view.change(json!({"type": "move", "gesture": "drag", "thing": "lights.0", "by": by}));
@@ -197,7 +197,7 @@ fn at_rest_it_has_the_bits_of_render() {
     view.say(json!({"type": "rest"}));
     view.hear_picture("a sketch with the change", |picture| picture["seq"] == seq);
     view.hear_picture("all passes", |picture| picture["passes"] == 4);
-    // Nothing that came went back.
+    // Picture messages arrive in order.
     let order = |picture: &Value| ["revision", "passes", "step"].map(|name| picture[name].as_u64().unwrap());
     let is_ordered = |pair: &[Value]| {
         let [a, b] = [order(&pair[0]), order(&pair[1])];
@@ -229,7 +229,8 @@ fn at_rest_it_has_the_bits_of_render() {
     assert_eq!(hash(&seen), hash(&folder.path().join("rendered.exr")));
 }
 
-/// Programs with a tone curve of their own get what `render` writes, and say themselves when they have written files.
+/// Programs with their own tone curve receive the radiance that `render` writes, and report themselves when they have
+/// written files.
 #[test]
 fn programs_get_radiance_and_say_when_files_are_written() {
     let text = scene(SCENE, 3, 300);
@@ -246,7 +247,7 @@ fn programs_get_radiance_and_say_when_files_are_written() {
     let film = read_rgb(&folder.path().join("out.exr")).unwrap();
     assert_eq!(view.linear.as_deref(), Some(film.pixels.as_flattened()));
 
-    // An error is told with the number of who wrote it.
+    // An error carries the number of the writer's change.
     replace(
         &folder.path().join("scene.toml"),
         &text.replace("fov = 50.0", "fov = true"),
@@ -257,12 +258,12 @@ fn programs_get_radiance_and_say_when_files_are_written() {
     assert!(nonsense.unwrap_err().contains("400"));
 }
 
-/// What a device renders of the scene as it is last: what stays of the states before is left there. A lamp of half the
-/// power halves the picture. The long test compares it with that of `render`, whose kernels take as long to compile.
+/// A device renders the current scene: what remains from earlier states shows here. A lamp of half the power halves the
+/// picture. The long test compares it with that of `render`, whose kernels take as long to compile.
 #[test]
 fn on_a_device_it_shows_what_it_shows_elsewhere() {
     let by = ["--engine", "gpu"];
-    // Of paths alone, in no fog: few kernels.
+    // Camera paths only and no fog, so that there are few kernels.
     let text = scene([16, 12], 2, 200).replace("= \"photons\"", "= \"paths\"");
     let folder = folder_with(&text.replace("[world]\nmedium = \"fog\"", ""));
     if !has_device(folder.path()) {
@@ -291,7 +292,7 @@ fn on_a_device_it_shows_what_it_shows_elsewhere() {
     assert_eq!(after, film.pixels.as_flattened());
 }
 
-/// Before a page is there to be told.
+/// Before a page exists that could be told.
 #[test]
 fn a_scene_that_is_not_for_devices_is_refused_at_once() {
     let cylinder = "[[shapes]]\ntype = \"cylinder\"\np0 = [0, 3, 0]\np1 = [1, 3, 0]\nradius = 0.1\nemission = { radiance = 1.0 }\n";
@@ -320,7 +321,7 @@ fn what_cannot_be_is_told_and_taken_back() {
     view.hear_until("all is well", |view| view.last.get("fine").map(|_| ()));
     view.last.clear();
 
-    // A change on the disk is one as well.
+    // A change on disk counts as well.
     replace(&path, &before.replace("radius = 0.35", "radius = \"large\""));
     let error = view.hear_until("an error", |view| view.last.get("error").cloned());
     let line = before.lines().position(|line| line.contains("radius")).unwrap() + 1;
@@ -341,7 +342,7 @@ fn what_cannot_be_is_told_and_taken_back() {
     let seq = view.change(json!({"type": "redo"}));
     view.hear_picture("redone", |picture| picture["seq"] == seq);
 
-    // How it is shown makes no other picture.
+    // Display settings make no other picture.
     let revision = view.pictures.last().unwrap()["revision"].clone();
     for (field, value) in [
         ("exposure", json!(1.5)),
@@ -353,7 +354,7 @@ fn what_cannot_be_is_told_and_taken_back() {
         assert_eq!(picture["revision"], revision, "{field}");
     }
 
-    // What is no message is not heard.
+    // Invalid messages are ignored.
     for wrong in ["", "[]", "{\"type\":\"set\"}", "{\"type\":\"size\",\"width\":-1}"] {
         view.socket.send(Message::text(wrong)).unwrap();
     }
@@ -378,15 +379,15 @@ fn a_job_is_begun_of_what_is_seen() {
             .contains("is done")
             .then_some(())
     });
-    // Saved before, without what the view's own options change.
+    // What was saved before, without what the view's own options change.
     let saved = std::fs::read_to_string(folder.path().join("scene.toml")).unwrap();
     assert!(saved.contains("fov = 45") && saved.contains("width = 48"), "{saved}");
     let film = read_rgb(&folder.path().join("scene.exr")).unwrap();
     assert_eq!((film.width, film.height), (96, 64));
 }
 
-/// However often one is asked for, there is one job. It ends with the view, in whatever way that ends, and keeps what
-/// it has where it is told.
+/// However often one is requested, there is one job. It ends with the view, however that ends, and keeps its results
+/// where it was told to.
 #[test]
 fn jobs_are_one_at_a_time_and_end_with_the_view() {
     for signal in ["-TERM", "-KILL"] {
@@ -429,7 +430,7 @@ fn strangers_see_nothing_and_workers_may_come_and_go() {
             .unwrap_err()
             .contains("401")
     );
-    // That of the workers is none of the page's.
+    // The workers' token does not open the page's socket.
     assert!(
         connect(&view.address, "/look", Some(TOKEN))
             .unwrap_err()
@@ -460,7 +461,7 @@ fn strangers_see_nothing_and_workers_may_come_and_go() {
     });
 }
 
-/// However workers come in, the page has a token of its own.
+/// However workers connect, the page has its own token.
 #[test]
 fn a_page_has_another_token_than_workers() {
     let folder = folder_with(&scene(SCENE, 3, 300));
@@ -509,7 +510,7 @@ fn a_page_has_another_token_than_workers() {
     );
 }
 
-/// A page has files of the scene's folder and of no other, and cannot tell which others there are.
+/// A page may read files in the scene's folder and in no other, and cannot tell which others exist.
 #[test]
 fn pages_do_not_leave_the_folder() {
     const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\

@@ -1,4 +1,4 @@
-//! What logs say, for those who search them.
+//! The logs, for those who search them.
 
 use crate::setup::{folder_with, run, scene};
 use serde_json::Value;
@@ -11,7 +11,7 @@ fn lines_name_their_job_worker_and_passes() {
     let output = run(folder.path(), &[&args[..], &log].concat());
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{stderr}");
-    // The workers' lines are among them, in the same form. What is said to people is no log.
+    // The workers' lines are included, in the same form. Messages to the user are not logs.
     let lines: Vec<Value> = stderr
         .lines()
         .filter(|line| !line.starts_with("note: "))
@@ -34,7 +34,7 @@ fn lines_name_their_job_worker_and_passes() {
         assert!(line["worker"].is_u64() && line["name"].is_string(), "{line}");
     }
     for line in about("delivered").into_iter().chain(about("configuration")) {
-        // A span's fields are in an object of their own.
+        // A span's fields form a separate object.
         let job = line["span"]["job"].as_str().unwrap();
         assert!(job.starts_with("scene-"), "{line}");
     }

@@ -1,8 +1,8 @@
-//! A glTF file in the place of a scene.
+//! A glTF file in place of a scene.
 
 use crate::setup::{fail, folder_with, line, run, scene, succeed, text};
 
-/// A triangle, of which nothing but its positions is said.
+/// A triangle with positions only.
 const MODEL: &str = r#"{ "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0] }],
 "nodes": [{ "name": "sail", "mesh": 0 }], "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
 "accessors": [{

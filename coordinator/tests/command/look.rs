@@ -30,7 +30,7 @@ fn mouse(page: &mut Browser, kind: &str, [x, y]: [f64; 2], held: bool) {
     page.call("Input.dispatchMouseEvent", event);
 }
 
-/// Mean of the picture, and a number that changes with any pixel of it.
+/// Mean of the picture, and a number that changes with every pixel.
 fn picture(page: &mut Browser) -> (f64, f64) {
     let sums = page.evaluate(
         "(() => {
@@ -62,7 +62,7 @@ fn handle_of(page: &mut Browser, name: &str) -> [f64; 2] {
     [0, 1].map(|i| at[i].as_f64().unwrap())
 }
 
-/// Drag from one place by so much, in steps.
+/// Drags by this much from one place, in steps.
 fn drag(page: &mut Browser, from: [f64; 2], by: [f64; 2]) {
     mouse(page, "mouseMoved", from, false);
     mouse(page, "mousePressed", from, true);
@@ -73,7 +73,7 @@ fn drag(page: &mut Browser, from: [f64; 2], by: [f64; 2]) {
     mouse(page, "mouseReleased", [from[0] + by[0], from[1] + by[1]], false);
 }
 
-/// Save the scene when it has all changes.
+/// Saves the scene once it has all changes.
 fn save(page: &mut Browser) {
     page.wait_for("!document.getElementById('dirty').hidden");
     waits_for_passes(page, 1);
@@ -81,7 +81,7 @@ fn save(page: &mut Browser) {
     page.wait_for("document.getElementById('dirty').hidden");
 }
 
-/// Save the scene, and a vector of the light of this number, as the file has it then.
+/// Saves the scene; returns a vector of the light of this number as the file then has it.
 fn saved(page: &mut Browser, folder: &TempDir, light: usize, name: &str) -> [f64; 3] {
     save(page);
     let text = std::fs::read_to_string(folder.path().join("scene.toml")).unwrap();
@@ -94,7 +94,7 @@ fn saved(page: &mut Browser, folder: &TempDir, light: usize, name: &str) -> [f64
     numbers.try_into().unwrap()
 }
 
-/// The same when it is no longer what it was: a page saves what it knows of, and the last of a drag may come later.
+/// The same, repeated until it has changed: a page saves what it knows, and the last step of a drag may arrive later.
 fn saved_anew(page: &mut Browser, folder: &TempDir, light: usize, name: &str, before: [f64; 3]) -> [f64; 3] {
     loop {
         let now = saved(page, folder, light, name);
@@ -113,7 +113,7 @@ fn key(page: &mut Browser, key: &str, control: bool) {
     }
 }
 
-/// Of the scene with all changes that were made on the page.
+/// For passes of the scene with all changes made on the page.
 fn waits_for_passes(page: &mut Browser, passes: u64) {
     let condition = format!(
         "(() => {{
@@ -139,7 +139,7 @@ fn a_light_is_dragged_and_the_picture_follows() {
     let to = [from[0] - 150.0, from[1] + 40.0];
     mouse(&mut page, "mouseMoved", from, false);
     mouse(&mut page, "mousePressed", from, true);
-    // To and fro, until pictures have come on the way; at least ten steps, to where it is let go.
+    // Back and forth until pictures have arrived on the way; at least ten steps, to the point of release.
     let mut seen = Vec::new();
     let until = Instant::now() + LONG;
     for step in 1.. {
@@ -159,13 +159,13 @@ fn a_light_is_dragged_and_the_picture_follows() {
     let (mean, after) = picture(&mut page);
     assert!(mean > 1.0, "the picture is black");
     assert_ne!(before, after);
-    // The handle is where the pointer let it go.
+    // The handle is where the pointer released it.
     let at = handle(&mut page);
     assert!((0..2).all(|i| (at[i] - to[i]).abs() < 2.0), "{at:?}, {to:?}");
     let measured = page.evaluate("performance.getEntriesByName('change to picture').length");
     assert!(measured.as_u64().unwrap() >= 2, "{measured}");
 
-    // One step back is where it was, to the bit; saved, the comment is still there.
+    // One undo restores the position to the bit; the saved file still has its comment.
     key(&mut page, "z", true);
     page.wait_for("document.getElementById('dirty').hidden");
     waits_for_passes(&mut page, 3);
@@ -202,7 +202,7 @@ fn fields_are_changed_and_everybody_can_read_them() {
     page.evaluate(&format!("({set})('camera.fov', '61'); 0"));
     page.wait_for("document.querySelector(\"[data-path='camera.fov'] [aria-invalid=true]\") === null");
     page.wait_for("!document.getElementById('dirty').hidden");
-    // What the page itself refuses, and nobody else hears of, is over with the next number, too.
+    // A message of the page about its own refusal also goes away with the next number.
     page.evaluate(&format!("({set})('camera.fov', 'wide'); 0"));
     let said = "document.querySelector(\"[data-path='camera.fov'] [role=alert]\")";
     page.wait_for(&format!(
@@ -224,14 +224,14 @@ fn fields_are_changed_and_everybody_can_read_them() {
     assert_eq!(page.wrongs(), json!([]));
 }
 
-/// Beside the picture, behind the camera, and infinitely far away: all can be taken hold of.
+/// Next to the picture, behind the camera, and infinitely far away: all can be grabbed.
 #[test]
 fn lights_that_are_not_seen_are_turned_and_moved() {
     if !is_there() {
         eprintln!("no Chromium: not tested");
         return;
     }
-    // Without the fog, which would swallow the sun.
+    // Without the fog, which would hide the sun.
     let text = scene([96, 64], 1, 100).replace("[world]\nmedium = \"fog\"\n", "");
     let text = text.replace("position = [0.5, 2, 0.5]", "position = [0.5, 1.5, 0.5]");
     let more = "\
@@ -272,7 +272,7 @@ radiance = 0.1
     let behind = handle_of(&mut page, "lights.2");
     assert!((left + 18.0 - behind[0]).abs() < 2.0, "{behind:?}, {edges}");
 
-    // A click selects, and says what it is.
+    // A click selects and names the object.
     drag(&mut page, beside, [0.0, 0.0]);
     let name = "document.getElementById('selection-name').textContent";
     page.wait_for(&format!(
@@ -291,7 +291,7 @@ radiance = 0.1
         "{x} {y} {z}"
     );
 
-    // The sun is behind the camera, and above: to the left about the vertical, and down.
+    // The sun is behind the camera and above: left around the vertical, and down.
     let sun = handle_of(&mut page, "lights.3");
     assert!(
         sun[0] > left && sun[0] < right && sun[1] > top && sun[1] < bottom,
@@ -313,7 +313,7 @@ radiance = 0.1
     let [x, y, z] = saved_anew(&mut page, &folder, 3, "direction", before);
     assert!(x.abs() < 1e-3 && (y * y + z * z).sqrt() > 0.5, "{x} {y} {z}");
     assert!((y.atan2(z) - (-1.0f64).atan2(-1.0)).abs() > 0.7, "{x} {y} {z}");
-    // Surroundings turn about the vertical.
+    // The environment turns around the vertical.
     let sky = handle_of(&mut page, "lights.4");
     assert!(sky[0] - left < 100.0 && sky[1] - top < 100.0, "{sky:?}, {edges}");
     drag(&mut page, sky, [-quarter / 2.0, 0.0]);
@@ -325,8 +325,8 @@ radiance = 0.1
     assert_eq!(page.wrongs(), json!([]));
 }
 
-/// In each of the example scenes, of which two are tested without BEAMFARM_LONG=1, a light that can be turned or moved
-/// is in reach as soon as the page is open.
+/// In each example scene (two of them without BEAMFARM_LONG=1), a light that can be turned or moved is within reach as
+/// soon as the page is open.
 #[test]
 fn every_example_has_a_light_to_take_hold_of() {
     if !is_there() {
@@ -353,7 +353,7 @@ fn every_example_has_a_light_to_take_hold_of() {
         let mut page = Browser::open(&link);
         page.look(1280, "light");
         page.wait_for("document.getElementById('title').textContent !== 'beamfarm'");
-        // Where a click reaches it, and nothing else.
+        // A place where a click reaches it and nothing else.
         let grips = "[...document.querySelectorAll('#overlay .grip.lamp:not(.is-still)')].filter((node) => {
             const box = node.querySelector('circle').getBoundingClientRect();
             const at = document.elementFromPoint(box.left + box.width / 2, box.top + box.height / 2);

@@ -1,4 +1,4 @@
-//! The command as people and scripts run it: real processes.
+//! The command as users and scripts run it: real processes.
 
 #![allow(clippy::unwrap_used)]
 

@@ -1,4 +1,4 @@
-//! Messages to a live view by a grammar: every kind, with every field drawn from the edges of what there may be.
+//! Messages to a live view from a grammar: every kind, with extreme values in every field.
 
 use crate::live::View;
 use crate::setup::{folder_with, scene};
@@ -11,7 +11,7 @@ use tungstenite::Message;
 
 const MESSAGES: usize = 200;
 
-/// In which N is a number, I a whole one, T a text, and V a value.
+/// N stands for a number, I for an integer, T for a text, and V for a value.
 const KINDS: [&str; 18] = [
     r#"{"type":"camera","seq":I,"gesture":T,"origin":[N,N,N],"target":[N,N,N]}"#,
     r#"{"type":"camera","seq":I,"gesture":T,"origin":[N,N,N],"target":[N,N,N],"up":[N,N,N],"fov":N}"#,
@@ -114,7 +114,7 @@ impl Dice {
         let text = |dice: &mut Self| serde_json::to_string(dice.pick(&TEXTS)).unwrap();
         let mut message = String::new();
         let mut kind = self.pick(&KINDS).to_owned();
-        // A letter that stands alone is to be filled in.
+        // A letter that stands alone is replaced.
         for place in ["V", "N", "I", "T"] {
             let is_alone = |at: usize, text: &str| {
                 let beside = |byte: Option<&u8>| byte.is_none_or(|byte| b":,[]}".contains(byte));
@@ -148,7 +148,7 @@ fn files(folder: &Path) -> BTreeSet<String> {
         .collect()
 }
 
-/// It lives, answers, and neither writes nor tells anything outside of the scene's folder.
+/// It survives, answers, and neither writes nor reveals anything outside the scene's folder.
 #[test]
 fn a_view_takes_any_message() {
     const SECRET: &str = "words that nobody may read";
@@ -170,7 +170,7 @@ fn a_view_takes_any_message() {
             let message = dice.message(private.to_str().unwrap());
             view.socket.send(Message::text(message)).unwrap();
         }
-        // As it is on the disk, and another change. Others have counted as far as they could.
+        // Reverts to the state on disk, then makes another change. Others may have used up the sequence numbers.
         view.say(json!({"type": "revert", "seq": 1}));
         view.set("camera.fov", json!(41));
         view.hear_until("the change", |view| {

@@ -1,4 +1,4 @@
-//! A picture where no pass was complete, and what is said of scenes of which nothing will come.
+//! The picture when no pass was completed, and notes on scenes of which nothing will come.
 
 use crate::setup::{attribute, beamfarm, find_attribute, folder_with, line, run, scene, spawn, succeed, text};
 use beamfarm_image::exr::read_rgb;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 const SIZE: [u32; 2] = [96, 64];
 
-/// What `explain` says on stderr of a scene.
+/// The notes of `explain` on stderr for a scene.
 fn noted(scene: &str, more: &[&str]) -> String {
     let folder = folder_with(scene);
     let output = run(folder.path(), &[&["explain", "scene.toml"], more].concat());
@@ -23,7 +23,7 @@ fn is_sketch(path: &Path) -> bool {
     is_sketch
 }
 
-/// It is part of no pass: what goes on has the bits of what was never stopped, and an image that is there stays.
+/// The picture is part of no pass: a resumed job has the bits of an uninterrupted one, and an existing image stays.
 #[test]
 fn without_a_complete_pass_there_is_a_coarse_picture() {
     let folder = folder_with(&scene(SIZE, 2, 400));
@@ -60,7 +60,7 @@ fn without_a_complete_pass_there_is_a_coarse_picture() {
     assert!(!path.join("b.exr").exists());
 }
 
-/// Fog in which light is scattered without end: a pilot and a pass take minutes.
+/// Fog that scatters light without end: a pilot and a pass take minutes.
 fn dense() -> String {
     let scene = scene(SIZE, 2, 400).replace("paths = 400, ", "");
     scene.replace("sigma_s = 0.4", "sigma_s = 1000.0")
@@ -98,7 +98,7 @@ fn media_that_no_light_gets_through_are_named() {
     assert!(!thin.contains("media.stone"), "{thin}");
 }
 
-/// A closed room with its lamp, seen from its middle.
+/// A closed room with its lamp, seen from the middle.
 const ROOM: &str = r#"
 image = { width = 96, height = 64 }
 camera = { origin = [0, 0, 0.5], target = [0, 0, 0], fov = 40 }
@@ -130,7 +130,7 @@ fn cameras_that_see_nothing_are_told_of() {
     let target = ["-D", "camera.target=[0, 0, 20]", "-D", "camera.origin=[0, 0, 9]"];
     let away = noted(ROOM, &target);
     assert!(away.contains("the camera sees nothing: none of 4096 rays"), "{away}");
-    // What is all around is seen.
+    // The surroundings are visible.
     let sky = format!("{ROOM}[[lights]]\ntype = \"environment\"\nradiance = 1.0\n");
     let lit = noted(&sky, &target);
     assert!(!lit.contains("camera"), "{lit}");
@@ -161,7 +161,7 @@ intensity = 10
     assert!(lost.contains("none of 4096 photon paths meets anything"), "{lost}");
     let found = noted(spot, &[]);
     assert!(!found.contains("photon paths meet"), "{found}");
-    // Lit straight from the lamp, whose photons leave nothing.
+    // Lit directly by the lamp, whose photons leave nothing.
     let flat = noted(
         &spot.replace("material = \"glass\"", ""),
         &["-D", "lights.0.position=[2, 0, 2]"],
@@ -169,7 +169,7 @@ intensity = 10
     assert!(!flat.contains("photon paths meet"), "{flat}");
 }
 
-/// Who gives way to whom, unless the scene says it; and what does not add up.
+/// Which solid gives way to which, unless the scene says it; and contradictions.
 #[test]
 fn solids_that_meet_are_told_of() {
     let shape = |name: &str, x: f64, more: &str| {
@@ -218,8 +218,8 @@ fn solids_that_meet_are_told_of() {
     );
 }
 
-/// A lamp so far away that hardly a photon of it comes to the scene: where paths are told not to find its light, the
-/// picture says that it lacks it. Aimed photons do not.
+/// A lamp so far away that hardly any of its photons reaches the scene. Where camera paths may not find its light, the
+/// picture reports that it is missing. With aimed photons it is not.
 #[test]
 fn light_of_rare_photons_is_said_to_be_missing() {
     let text_of_scene = r#"

@@ -1,8 +1,8 @@
-//! Where images go: what commands say of a name that none can get.
+//! Where images go: what commands say about paths that cannot be written.
 
 use crate::setup::{fail, folder_with, scene, succeed};
 
-/// Each says so before it begins, with the folder as it was written, and leaves nothing.
+/// Each command reports it before it begins, with the folder as it was written, and leaves nothing.
 #[test]
 fn a_folder_that_is_not_there_is_named() {
     let folder = folder_with(&scene([16, 12], 2, 100));
@@ -13,7 +13,7 @@ fn a_folder_that_is_not_there_is_named() {
     let before = std::fs::read_dir(path).unwrap().count();
     let commands: [&[&str]; 7] = [
         &["render", "scene.toml"],
-        // No pilot is waited for.
+        // It does not wait for the pilot.
         &["render", "scene.toml", "--budget", "1000000"],
         &["serve", "scene.toml", "--listen", "127.0.0.1:0"],
         &["replay", "scene.toml", "--pass", "0"],

@@ -1,4 +1,4 @@
-//! Rendering, on one machine and over several: exit codes, what stands on stdout and stderr, what survives a signal.
+//! Rendering on one machine and over several: exit codes, stdout and stderr, and what survives a signal.
 
 use crate::setup::{
     attribute, beamfarm, fail, find_attribute, folder_with, line, run, scene, signal, spawn, succeed, text,
@@ -42,8 +42,7 @@ fn one_command_renders_and_the_crew_does_not_change_a_bit() {
     assert!(compared.contains("identical"), "{compared}");
 }
 
-/// The pilot is the same wherever it runs, and the job folder knows what it found: what was begun with a budget goes on
-/// with it.
+/// The pilot is the same everywhere, and the job folder keeps its result: a job begun with a budget goes on with it.
 #[test]
 fn a_budget_changes_radii_and_not_what_is_promised() {
     let folder = folder();
@@ -64,7 +63,7 @@ fn a_budget_changes_radii_and_not_what_is_promised() {
     let bytes = std::fs::read(path.join("one.exr")).unwrap();
     assert!(bytes.windows(14).any(|name| name == b"beamfarmBudget"));
 
-    // The first two of four passes, and then the others.
+    // The first two of four passes, then the others.
     let job = ["--job", "job", "--budget", "4", "-o", "parts.exr"];
     for passes in ["2", "4"] {
         let args = ["render", "scene.toml", "--passes", passes];
@@ -153,7 +152,7 @@ fn an_interrupted_job_writes_what_is_complete() {
     assert!(folder.path().join("scene.exr").exists());
 }
 
-/// To a process, and a moment later to it again with its group, as `timeout` does it.
+/// Sent to a process, and a moment later to its whole group, as `timeout` does.
 #[test]
 fn two_signals_at_once_are_one() {
     let folder = folder();
@@ -168,7 +167,7 @@ fn two_signals_at_once_are_one() {
     assert!(folder.path().join("scene.exr").exists());
 }
 
-/// A second one that is meant ends what is not to be waited for.
+/// A deliberate second signal ends what should not be waited for.
 #[cfg(unix)]
 #[test]
 fn a_second_signal_kills() {
@@ -179,7 +178,7 @@ fn a_second_signal_kills() {
     let url = server.out.wait_for("listening on ");
     let work = ["worker", "--connect", &url, "--threads", "1", "--grace", "1h"];
     let mut worker = spawn(beamfarm(folder, &work));
-    // A worker that has no pass yet has nothing to finish. The lease is on its way when it is told.
+    // A worker that has no pass yet has nothing to finish. The lease is on its way when the signal comes.
     server.log.wait_for("leased ");
     std::thread::sleep(Duration::from_millis(300));
     worker.signal("-TERM");
@@ -189,8 +188,8 @@ fn a_second_signal_kills() {
     assert_eq!(worker.wait().code(), Some(128 + 15));
 }
 
-/// Whoever reads what is said may have gone, and the disk that it goes to may be full: the work is done all the same.
-/// It is a failure where the text is all that was asked for.
+/// The reader of the output may be gone, or the disk that it goes to full: the work is still done. It is a failure
+/// where the text is all that was requested.
 #[cfg(target_os = "linux")]
 #[test]
 fn what_cannot_be_said_stops_no_work() {
@@ -231,7 +230,7 @@ fn workers_die_with_their_parent() {
     let worker = rest.split(' ').next().unwrap();
     assert!(Path::new("/proc").join(worker).exists());
     render.kill();
-    // Its end of the log closes when the worker is gone, and only then.
+    // The log's pipe closes only when the worker, which shares it, is gone.
     render.log.wait_for_end();
 }
 
@@ -416,8 +415,8 @@ fn layers_stand_beside_the_same_beauty() {
     assert!(code == 2 && message.contains("beam_density"), "{message}");
 }
 
-/// A denoised picture stands beside the image, which keeps its bits, and says that it is biased; `denoise` makes the
-/// same of the image.
+/// A denoised picture is written next to the image, which keeps its bits, and is labelled as biased; `denoise` makes
+/// the same picture from the image.
 #[test]
 fn a_denoised_picture_stands_beside_the_image() {
     let folder = folder();
@@ -445,7 +444,7 @@ fn a_denoised_picture_stands_beside_the_image() {
     let (code, message) = fail(folder, &["denoise", "both.exr", "-o", "both.exr"]);
     assert!(code == 2 && message.contains("another name"), "{message}");
 
-    // Of one pass there are no halves: the image is written all the same.
+    // One pass has no halves: the image is written all the same.
     let (one, stderr) = {
         let output = run(
             folder,
@@ -524,7 +523,7 @@ fn mitsuba_scenes_that_cannot_be_used() {
     assert!(!folder.join("room.toml").exists());
     let skipped = succeed(folder, &["render", "room.xml", "--skip-unsupported", "--paths", "50"]);
     assert_eq!(skipped.matches("left out: room.xml:1").count(), 2, "{skipped}");
-    // A folder that is not there is made.
+    // A missing folder is created.
     succeed(folder, &["convert", "room.xml", "new/other.toml", "--skip-unsupported"]);
     assert!(folder.join("new/other.toml").exists());
     for (args, words) in [
@@ -579,7 +578,7 @@ fn reference_ends_on_time_and_needs_a_sample() {
     let said = line(text(&early.stdout), "wrote early.exr");
     assert!(said.contains("a coarse picture"), "{said}");
     assert!(find_attribute(&path.join("early.exr"), "beamfarmSamples").is_none());
-    // The picture that is there stays.
+    // The existing picture stays.
     let again = run(path, &["reference", "scene.toml", "--time", "0s"]);
     line(text(&again.stdout), "wrote scene-reference.sketch.exr");
     let (code, stderr) = fail(path, &["reference", "scene.toml", "--samples", "0"]);

@@ -1,4 +1,4 @@
-//! What the program says of scenes that it can render in a way only, or not at all.
+//! Messages about scenes that the program can render only in some way, or not at all.
 
 use crate::setup::{fail, find_attribute, folder_with, run, scene, succeed};
 
@@ -47,7 +47,7 @@ fn the_path_tracer_names_the_rules_for_photons() {
     succeed(folder.path(), &[&args[..], &["--quiet"]].concat());
 }
 
-/// In the image of a job, and in that of its folder.
+/// In the image of a job, and in one made from its folder.
 #[test]
 fn depth_of_nothing_is_what_the_scene_says() {
     // A sphere, and nothing behind it.

@@ -1,4 +1,4 @@
-//! Scenes to run the command on, and running it.
+//! Scenes to run the command on, and ways to run it.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -7,11 +7,11 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Nothing that a test waits for takes this long: a line, a file, an end that was asked for.
+/// Nothing that a test waits for takes this long: a line, a file, a requested end.
 pub const LONG: Duration = Duration::from_secs(60);
-/// Nor does a command with all of its work, on a machine that has other things to do.
+/// Nor does a whole command, on a machine that is busy with other things.
 const WHOLE_RUN: Duration = Duration::from_secs(300);
-/// Time between two looks.
+/// Polling interval.
 const LOOK: Duration = Duration::from_millis(5);
 
 /// A lamp in fog over a ball.
@@ -36,10 +36,10 @@ position = [0.5, 2, 0.5]
 power = 100.0
 "#;
 
-/// Settings of a render by photons alone, which leave nothing to a pilot: it would take longer than most tests.
+/// Render settings for photons alone, which leave nothing to a pilot: it would take longer than most tests.
 pub const BY_PHOTONS: &str = r#"media = "photons", surfaces = "photons", caustics = "photons", targeting = "off""#;
 
-/// A scene of this size, with so many passes and photon paths a pass. All that a pass takes is photons.
+/// A scene of this size, with this many passes and photon paths per pass. A pass costs nothing but photons.
 pub fn scene([width, height]: [u32; 2], passes: u32, paths: u32) -> String {
     format!(
         "image = {{ width = {width}, height = {height} }}\n\
@@ -57,12 +57,12 @@ pub fn folder_with(scene: &str) -> TempDir {
 pub fn beamfarm(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_beamfarm"));
     command.current_dir(folder).args(args);
-    // What the environment says must not change what is tested.
+    // The environment must not change what is tested.
     for name in ["RUST_LOG", "BEAMFARM_CONNECT", "BEAMFARM_CACHE"] {
         command.env_remove(name);
     }
     command.env("XDG_CACHE_HOME", folder.join("cache"));
-    // But Mesa's is where it always is: what drivers in software have compiled for one test does for others.
+    // Except Mesa's cache: what a software driver has compiled for one test serves the others.
     if let Some(cache) = cache_folder() {
         command.env("MESA_SHADER_CACHE_DIR", cache);
     }
@@ -70,7 +70,7 @@ pub fn beamfarm(folder: &Path, args: &[&str]) -> Command {
     command
 }
 
-/// Where programs keep what they can make again.
+/// The user's cache folder.
 fn cache_folder() -> Option<PathBuf> {
     let said = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
     said.or_else(|| Some(Path::new(&std::env::var_os("HOME")?).join(".cache")))
@@ -80,7 +80,7 @@ pub fn run(folder: &Path, args: &[&str]) -> Output {
     output(beamfarm(folder, args))
 }
 
-/// What a command did by itself.
+/// Runs a command to its end.
 pub fn output(command: Command) -> Output {
     spawn(command).finish()
 }
@@ -106,7 +106,7 @@ pub fn line<'a>(stdout: &'a str, word: &str) -> &'a str {
     found.unwrap_or_else(|| panic!("no {word:?} in {stdout}"))
 }
 
-/// What a process writes, read as it comes, so that the process never waits for its reader.
+/// A process's output, read as it arrives, so that the process never waits for its reader.
 pub struct Lines {
     coming: Receiver<String>,
     seen: String,
@@ -120,7 +120,7 @@ impl Lines {
                 let mut stream = BufReader::new(stream);
                 let mut line = Vec::new();
                 while stream.read_until(b'\n', &mut line).is_ok_and(|n| n > 0) {
-                    // Fails when the test is over; what still comes is read all the same.
+                    // Fails when the test is over; the rest is still read.
                     let _ = sender.send(String::from_utf8_lossy(&line).into_owned());
                     line.clear();
                 }
@@ -132,7 +132,7 @@ impl Lines {
         }
     }
 
-    /// The next line, with its end. An error when there is none by then, or none will come.
+    /// The next line, with its end. An error if none arrives in time, or none will come.
     pub fn next(&mut self, until: Instant) -> Result<String, RecvTimeoutError> {
         let patience = until.saturating_duration_since(Instant::now());
         let line = self.coming.recv_timeout(patience)?;
@@ -140,7 +140,7 @@ impl Lines {
         Ok(line)
     }
 
-    /// Wait for a line that holds this text, and return what follows it there.
+    /// Waits for a line that contains this text; returns what follows the text there.
     pub fn wait_for(&mut self, text: &str) -> String {
         let until = Instant::now() + LONG;
         loop {
@@ -160,27 +160,27 @@ impl Lines {
         }
     }
 
-    /// The same, unless such a line has come already.
+    /// The same, but such a line may have come already.
     pub fn wait_until_seen(&mut self, text: &str) {
         if !self.so_far().contains(text) {
             self.wait_for(text);
         }
     }
 
-    /// All that has come.
+    /// Everything that has arrived.
     pub fn so_far(&mut self) -> &str {
         self.seen.extend(self.coming.try_iter());
         &self.seen
     }
 
-    /// Wait until nothing more will come.
+    /// Waits until nothing more will come.
     pub fn wait_for_end(&mut self) {
         if !self.has_ended(Instant::now() + LONG) {
             panic!("it goes on after {LONG:?}:\n{}", self.seen);
         }
     }
 
-    /// The same, or until then; whether it has ended.
+    /// The same until a deadline; returns whether it has ended.
     fn has_ended(&mut self, until: Instant) -> bool {
         loop {
             match self.next(until) {
@@ -224,7 +224,7 @@ impl Process {
         let _ = self.child.wait();
     }
 
-    /// How it ended, if it does by then.
+    /// Its status, if it ends by then.
     pub fn ends(&mut self, until: Instant) -> Option<ExitStatus> {
         loop {
             let status = self.child.try_wait().unwrap();
@@ -235,13 +235,13 @@ impl Process {
         }
     }
 
-    /// How it ended.
+    /// Waits for its end.
     pub fn wait(&mut self) -> ExitStatus {
         let status = self.ends(Instant::now() + LONG);
         status.unwrap_or_else(|| panic!("it goes on after {LONG:?}:\n{}", self.said()))
     }
 
-    /// How it ended, and all that it wrote.
+    /// Its status, and everything that it wrote.
     pub fn finish(mut self) -> Output {
         let until = Instant::now() + WHOLE_RUN;
         let whole = self.out.has_ended(until) && self.log.has_ended(until);
@@ -255,7 +255,7 @@ impl Process {
         }
     }
 
-    /// All that it wrote until now.
+    /// Everything that it has written so far.
     fn said(&mut self) -> String {
         format!("{}\n{}", self.out.so_far(), self.log.so_far())
     }
@@ -267,7 +267,7 @@ impl Drop for Process {
     }
 }
 
-/// Look until there is what is looked for; an error says what there is instead.
+/// Polls until `look` succeeds; panics with its last error.
 pub fn wait_until<T>(what: &str, mut look: impl FnMut() -> Result<T, String>) -> T {
     let until = Instant::now() + LONG;
     loop {
@@ -281,7 +281,7 @@ pub fn wait_until<T>(what: &str, mut look: impl FnMut() -> Result<T, String>) ->
     }
 }
 
-/// What was written, as text.
+/// Output as text.
 pub fn text(bytes: &[u8]) -> &str {
     std::str::from_utf8(bytes).unwrap()
 }
@@ -291,7 +291,7 @@ pub fn signal(name: &str, pid: &str) {
     assert!(status.success(), "kill {name} {pid}");
 }
 
-/// A text that an image says about itself.
+/// A text attribute of an image.
 pub fn attribute(path: &Path, name: &str) -> String {
     find_attribute(path, name).unwrap_or_else(|| panic!("no {name}"))
 }
@@ -305,7 +305,7 @@ pub fn find_attribute(path: &Path, name: &str) -> Option<String> {
     }
 }
 
-/// SplitMix64: places to be killed at.
+/// SplitMix64: the points at which to kill.
 pub fn random(seed: u64) -> u64 {
     let mut z = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -1,4 +1,4 @@
-//! A server that is asked how it stands, and told what to do.
+//! A server that is asked for its status and told what to do.
 
 use crate::setup::{Process, beamfarm, fail, folder_with, line, run, scene, spawn, succeed, text, wait_until};
 use serde_json::Value;
@@ -9,7 +9,7 @@ fn status(folder: &Path, url: &str) -> Value {
     serde_json::from_str(&succeed(folder, &["status", url, "--json"])).unwrap()
 }
 
-/// A server that says what it does, and its address.
+/// A server that logs what it does, and its address.
 fn start_server(folder: &Path) -> (Process, String) {
     let serve = ["serve", "scene.toml", "--listen", "127.0.0.1:0"];
     let told = ["--openjd", "--log-format", "json"];
@@ -38,14 +38,15 @@ fn write_twice(folder: &Path, url: &str, server: &mut Process) {
     assert!(succeed(folder, &["write", url]).starts_with("wrote scene.exr with "));
     std::fs::remove_file(&exr).unwrap();
     server.signal("-HUP");
-    // The log has the line of the write before as well, so that the file itself tells.
+    // The log also has the line of the previous write, so look at the file.
     wait_until("image after a hangup", || match exr.exists() {
         true => Ok(()),
         false => Err(server.log.so_far().to_owned()),
     });
 }
 
-/// As many as BEAMFARM_HANGUPS says, each of which has to bring an image: none while the one before is written.
+/// Sends as many hangups as BEAMFARM_HANGUPS says. Each must give an image; none is sent while the previous image is
+/// being written.
 #[cfg(unix)]
 #[test]
 fn every_hangup_brings_an_image() {
@@ -66,7 +67,7 @@ fn every_hangup_brings_an_image() {
     }
 }
 
-/// A pause is no time of the job: not in its seconds, nor in its rate.
+/// A pause counts neither in the job's seconds nor in its rate.
 #[test]
 fn pauses_are_left_out() {
     let folder = folder_with(&scene([16, 12], 100_000, 200));
@@ -128,7 +129,7 @@ fn a_server_is_watched_paused_extended_written_and_cancelled() {
         there.then_some(()).ok_or(status.to_string())
     });
     pause_and_extend(folder, &url);
-    // It is estimated now and then.
+    // It is estimated only now and then.
     let error = wait_until("estimate of the error", || {
         let status = status(folder, &url);
         let error = status["relative_standard_error"].as_f64();

@@ -1,4 +1,4 @@
-//! Jobs that are killed, resumed, extended, divided and stopped.
+//! Jobs that are killed, resumed, extended, split and stopped.
 
 use crate::setup::*;
 use std::path::Path;
@@ -20,7 +20,7 @@ fn report(job: &Path) -> serde_json::Value {
 fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     let folder = folder();
     let path = folder.path();
-    // So many that it does not end before it was killed.
+    // Enough passes that it does not end before it is killed.
     let passes = ["--passes", "120"];
     let undisturbed = ["render", "scene.toml", "-o", "whole.exr"];
     let undisturbed = succeed(path, &[&undisturbed[..], &passes].concat());
@@ -40,7 +40,7 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     let mut kills = 0;
     let end = loop {
         let mut render = spawn(beamfarm(path, &[&args[..], &passes].concat()));
-        // From before the first look at the directory to after some checkpoints.
+        // From before the first look at the directory to after several checkpoints.
         let patience = Duration::from_millis(random(kills) % 300);
         if kills >= 12 || render.ends(Instant::now() + patience).is_some() {
             break render.finish();
@@ -59,7 +59,7 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
         (&120.into(), &"complete".into())
     );
     assert!(line(&stdout, "pixels").ends_with(report["pixels"].as_str().unwrap()));
-    // What is said of the error is there for programs as well.
+    // The error report is also available to programs.
     assert!(report["median_error"].as_f64().is_some_and(|e| e > 0.0));
     assert!(line(&stdout, "relative").contains(", median of lit 8 x 8 blocks "));
     assert_eq!(line(&stdout, "bias of"), report["bias"].as_str().unwrap());
@@ -67,7 +67,7 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     let ledger = std::fs::read_to_string(job.join("ledger.jsonl")).unwrap();
     for entry in ledger.lines() {
         let entry: serde_json::Value = serde_json::from_str(entry).unwrap();
-        // Two may have rendered a block that one took long for.
+        // A block that took one worker long may have been rendered by two.
         let state = entry["state"].as_str();
         assert!(matches!(state, Some("done" | "audited")), "{entry}");
     }
@@ -81,7 +81,7 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     assert!(stdout.contains(&format!("passes 0 to 119, set {set}")), "{stdout}");
 }
 
-/// What was found when a job began counts as long as it goes on: how long each start of it may take decides nothing.
+/// What was found when a job began holds until it ends; it does not depend on the duration of its runs.
 #[test]
 fn a_job_goes_on_with_what_it_began_with() {
     let folder = folder();
@@ -100,7 +100,7 @@ fn a_job_goes_on_with_what_it_began_with() {
     succeed(path, &args("4"));
     let finders = attribute(&path.join("scene.exr"), "beamfarmFinders");
     assert!(finders.starts_with("media by paths"), "{finders}");
-    // What is asked for is another job, and so is what a new one finds.
+    // The request is another job, and so is what a new pilot finds.
     let (code, stderr) = fail(path, &[&args("4")[..], &["--paths", "77"]].concat());
     assert_eq!(code, 2, "{stderr}");
     succeed(path, &[&args("4")[..], &["--restart"]].concat());
@@ -123,7 +123,7 @@ fn a_finished_job_can_have_more_passes() {
     assert!(rows().starts_with(&before), "{} {before}", rows());
     assert!(rows().lines().last().unwrap().starts_with("13,"));
 
-    // Finished: the image is written again, whatever became of it.
+    // Finished: the image is written again if anything happened to it.
     std::fs::remove_file(path.join("scene.exr")).unwrap();
     let stdout = succeed(path, &["render", "scene.toml", "--job", "a.job", "--resume"]);
     assert_eq!(pixels(&stdout), pixels(&whole));
@@ -154,7 +154,7 @@ fn a_finished_job_can_have_more_passes() {
     assert_eq!(code, 2);
     assert!(stderr.contains("scene.job: no job to resume"), "{stderr}");
 
-    // The report is of a job that has ended, not of one that was killed later.
+    // The report belongs to a job that has ended, not to one killed later.
     assert!(path.join("a.job/report.json").exists());
     let job = ["render", "scene.toml", "--job", "a.job"];
     let more = ["--time", "1h", "--log", "debug"];
@@ -164,7 +164,7 @@ fn a_finished_job_can_have_more_passes() {
     assert!(!path.join("a.job/report.json").exists());
 }
 
-/// Jobs a, b and c that make a whole one of 12 passes, and d, which is part of another.
+/// Jobs a, b and c that make a whole of 12 passes, and d, which is part of another.
 fn render_parts(path: &Path) {
     let part = |job: &str, first: &str, passes: &str, more: &[&str]| {
         let mut args = vec![
@@ -214,7 +214,7 @@ fn jobs_of_disjoint_passes_make_one_image() {
     assert_eq!(line(&merged, "passes 0 to"), line(&whole, "passes 0 to"));
     let compared = succeed(path, &["compare", "merged.exr", "whole.exr"]);
     assert!(compared.contains("identical"), "{compared}");
-    // But for the time, they are the same files: layers, errors and all.
+    // Except for the time, they are the same files, with layers and errors.
     let channels = |name: &str| {
         let image = exr::image::read::read_first_flat_layer_from_file(path.join(name)).unwrap();
         image.layer_data.channel_data
@@ -224,7 +224,7 @@ fn jobs_of_disjoint_passes_make_one_image() {
     merge_what_does_not_fit(path);
 }
 
-/// As one job, which goes on.
+/// As one job, which can go on.
 fn merge_into_a_job_that_goes_on(path: &Path, whole: &str) {
     let merge = ["merge", "a.job", "b.job", "c.job", "-o", "merged.exr"];
     let merge = [&merge[..], &["--job", "all.job"]].concat();
@@ -248,7 +248,7 @@ fn merge_into_a_job_that_goes_on(path: &Path, whole: &str) {
     let mut passes: Vec<u64> = ledger
         .lines()
         .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap())
-        // Whoever idles at the end renders again what another one has leased.
+        // Idle workers at the end render what another one has leased.
         .filter(|line| line["state"] == "done")
         .flat_map(|line| {
             let [level, index] = [0, 1].map(|i| line["block"][i].as_u64().unwrap());
@@ -306,18 +306,18 @@ fn the_same_error_is_reached_at_the_same_pass() {
         passes >= 3 && (passes.is_power_of_two() || (passes / 3 * 2).is_power_of_two()),
         "{passes}"
     );
-    // It is the image of so many passes.
+    // It is the image of this number of passes.
     let plain = succeed(path, &["render", "scene.toml", "--passes", &found[0].0]);
     assert_eq!(pixels(&plain), found[0].1);
 
-    // A job that goes on from fewer passes stops there too; one that missed it says so.
+    // A job resumed with fewer passes stops there too; one that missed the target reports it.
     let job = ["render", "scene.toml", "--job", "a.job", "-o", "d.exr"];
     let run = |more: &[&str]| succeed(path, &[&job[..], more].concat());
     run(&["--passes", "2"]);
     let stopped = run(&["--target-error", "8%"]);
     assert_eq!(pixels(&stopped), found[0].1);
     assert_eq!(report(&path.join("a.job"))["stopped"], "target-error");
-    // Again the same, then more.
+    // The same again, then more.
     assert_eq!(pixels(&run(&["--target-error", "8%"])), found[0].1);
     let more = (2 * passes + 1).to_string();
     run(&["--passes", &more]);
@@ -377,8 +377,8 @@ fn two_coordinators_cannot_have_one_directory() {
         stderr.contains("another coordinator uses this job directory"),
         "{stderr}"
     );
-    // A hangup writes what is complete and ends nothing. That there is a checkpoint does not say that the first pass is
-    // there: another worker's may have come before it.
+    // A hangup writes what is complete and ends nothing. A checkpoint does not imply that the first pass is done:
+    // another worker's may have arrived before it.
     render.log.wait_until_seen("block=pass 0 pixels=");
     render.signal("-HUP");
     render.log.wait_for("wrote scene.exr with ");
@@ -428,14 +428,14 @@ fn a_full_disk_costs_nothing() {
     render.log.wait_for("checkpoint 0 of");
     std::fs::write(disk.join("ballast"), vec![0; 1 << 20]).unwrap_or_default();
     let mut ballast = std::fs::File::create(disk.join("more")).unwrap();
-    // All that is left, in the end a byte at a time.
+    // Fills the remaining space, finally byte by byte.
     for size in [4096, 1] {
         while std::io::Write::write_all(&mut ballast, &vec![0; size]).is_ok() {}
     }
     let warning = render.log.wait_for("the job goes on, and writes it again");
     assert!(warning.contains("5s"), "{warning}");
     render.kill();
-    // The checkpoint from before is good.
+    // The earlier checkpoint is good.
     std::fs::remove_file(disk.join("ballast")).unwrap();
     drop(ballast);
     std::fs::remove_file(disk.join("more")).unwrap();
@@ -447,7 +447,7 @@ fn a_full_disk_costs_nothing() {
     assert_eq!(pixels(stdout), pixels(&undisturbed));
 }
 
-/// A limit on the size of files stands for a disk that is full to the end.
+/// A file size limit stands for a disk that stays full.
 #[cfg(unix)]
 #[test]
 fn a_job_whose_checkpoints_cannot_be_written_still_makes_its_image() {
@@ -471,7 +471,7 @@ fn a_job_whose_checkpoints_cannot_be_written_still_makes_its_image() {
     assert!(stderr.contains("checkpoint-"), "{stderr}");
     assert!(stderr.contains("older than the image"), "{stderr}");
     assert_eq!(pixels(&stdout), pixels(&undisturbed));
-    // Nothing half-written is left, and the job goes on from what was.
+    // Nothing half-written is left, and the job goes on from its last state.
     assert!(!path.join("a.job/checkpoint-0.part").exists());
     let args = [
         "render",

@@ -1,5 +1,5 @@
-//! Job folders and messages of other versions of the program, as `tests/data/versions` keeps them: what has the same
-//! bits goes on, and all else is refused with what it needs.
+//! Job folders and messages of other versions of the program, kept in `tests/data/versions`. Those with the same bits
+//! go on; everything else is refused with what it needs.
 
 use crate::setup::{beamfarm, line, run, spawn, succeed, text};
 use beamfarm_proto::wire::RegisterRequest;
@@ -13,7 +13,7 @@ use tonic::Code;
 
 const KEPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data/versions");
 
-/// A folder with the scene of all jobs, and this one.
+/// A folder with the scene of all jobs, and this job.
 fn folder(name: &str) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let kept = Path::new(KEPT).join("jobs");
@@ -31,7 +31,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// All files of a folder and of those in it.
+/// All files of a folder and its subfolders.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut files = BTreeMap::new();
     for entry in std::fs::read_dir(folder).unwrap() {
@@ -53,7 +53,7 @@ fn description(job: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(job.join("job.json")).unwrap()).unwrap()
 }
 
-/// Change a field of job.json.
+/// Changes a field of job.json.
 fn say(job: &Path, field: &str, value: Value) {
     let mut all = description(job);
     all[field] = value;
@@ -62,7 +62,7 @@ fn say(job: &Path, field: &str, value: Value) {
 
 const EIGHT: [&str; 6] = ["render", "scene.toml", "-o", "a.exr", "--passes", "8"];
 
-/// The pixels of eight passes by this version, and what it calls their bits.
+/// The pixels of eight passes by this version, and its identifier for their bits.
 fn fresh() -> (String, Value) {
     let folder = folder("cpu-1");
     let stdout = succeed(folder.path(), &[&EIGHT[..], &["--job", "new.job"]].concat());
@@ -100,7 +100,7 @@ fn folders_of_other_versions_go_on_with_the_same_bits_or_say_which_can() {
             stderr.contains(&format!("only the version that began it, {version}, renders")),
             "{name}: {stderr}"
         );
-        // Nothing of it is lost: that version can go on with it.
+        // Nothing is lost: that version can go on with the job.
         let mut after = files(&job);
         after.retain(|name, _| before.contains_key(name));
         assert!(after == before, "{name}");
@@ -121,8 +121,8 @@ fn a_format_of_the_future_is_told() {
     assert!(stderr.contains("format 3; this version of beamfarm"), "{stderr}");
 }
 
-/// A farm is taken to another version: its coordinator goes on with what the one before had, and its old workers are
-/// told why they are sent away. New ones do the rest.
+/// A farm moves to another version: its coordinator goes on with its predecessor's results, and old workers are told
+/// why they are sent away. New ones do the rest.
 #[test]
 fn a_farm_is_taken_to_another_version() {
     let folder = folder("cpu-1");

@@ -1,5 +1,5 @@
-"""Writes the pictures that ../../tests/surfaces/material_scenes.rs renders as Mitsuba 3's path tracer sees them (made with 3.9.1,
-`pip install mitsuba`), and the images that the scenes use.
+"""Writes the pictures that Mitsuba 3's path tracer makes of the scenes in ../../tests/surfaces/material_scenes.rs (made
+with 3.9.1, `pip install mitsuba`), and the images that the scenes use.
 
 SCENE.csv: means of RGB over 4 x 4 blocks of 8 x 8 pixels, row by row, and their standard errors.
 """
@@ -24,7 +24,7 @@ BUMP = rng.integers(0, 256, (8, 8, 1)).astype(np.uint8)
 
 
 def bitmap(pixels, filter_type="bilinear"):
-    # v runs down the rows in Mitsuba's coordinates, up in those of the scenes.
+    # v increases downwards in Mitsuba's coordinates, upwards in those of the scenes.
     return {
         "type": "bitmap", "raw": True, "filter_type": filter_type, "data": mi.TensorXf(np.flipud(pixels / np.float32(255))),
     }
@@ -86,7 +86,7 @@ SCENES = {
         "ball": sphere({"type": "mask", "opacity": 0.4, "bsdf": GREY}, [0.5, 0.5, 0.5], 0.5),
     }),
     "relief": room({"type": "normalmap", "normalmap": bitmap(NORMALS), "bsdf": GREY}, {
-        # Bumps shadow diffuse light alone: of Mitsuba's surfaces, all light or none.
+        # Bumps shadow diffuse light only; Mitsuba's surfaces shadow all light or none.
         "ball": sphere(
             {
                 "type": "bumpmap", "texture": bitmap(BUMP), "scale": 0.15, "bsdf": CHROME,

@@ -1,4 +1,5 @@
-"""Writes grid.vol with Mitsuba 3, and expected_vol.txt: points in the unit cube and what `gridvolume` has there."""
+"""Writes grid.vol with Mitsuba 3, and expected_vol.txt: points in the unit cube and the values of `gridvolume`
+there."""
 
 import mitsuba as mi
 import numpy as np

@@ -1,5 +1,4 @@
-//! A page in a browser that people have: Chromium without a window, over its DevTools protocol. It panics where tests
-//! fail.
+//! A page in a real browser: headless Chromium over its DevTools protocol. It panics where tests fail.
 
 #![allow(clippy::unwrap_used, clippy::missing_panics_doc)]
 
@@ -23,7 +22,7 @@ pub fn is_there() -> bool {
     chromium().is_some()
 }
 
-/// The browser: the one that is named, or one with a usual name. The build script looks for the same.
+/// The browser: the one that the environment names, or one with a usual name. The build script looks for the same.
 fn chromium() -> Option<OsString> {
     let named = std::env::var_os("BEAMFARM_CHROMIUM");
     let mut programs = named.into_iter().chain(USUAL.map(OsString::from));
@@ -56,7 +55,7 @@ impl Drop for Browser {
 }
 
 impl Browser {
-    /// Start it and open a page.
+    /// Starts it and opens a page.
     pub fn open(url: &str) -> Self {
         let program = chromium().expect("no Chromium (Debian: apt-get install chromium)");
         let profile = tempfile::tempdir().unwrap();
@@ -74,7 +73,7 @@ impl Browser {
             .unwrap();
         let lines = BufReader::new(process.stderr.take().unwrap()).lines();
         let (sender, said) = std::sync::mpsc::channel();
-        // Read to the end, whoever listens: the pipe must not fill up.
+        // Read to the end even if nobody listens: the pipe must not fill up.
         std::thread::spawn(move || lines.map_while(Result::ok).for_each(|l| drop(sender.send(l))));
         let (begun, mut heard) = (Instant::now(), Vec::new());
         let address = loop {
@@ -103,7 +102,7 @@ impl Browser {
         let attached = browser.call("Target.attachToTarget", attach);
         browser.session = Some(attached["sessionId"].as_str().unwrap().to_owned());
         browser.call("Page.enable", json!({}));
-        // What the page's policy forbids, and what its script does wrong.
+        // What the page's policy forbids, and errors of its script.
         let listen = "window.wrongs = [];
             addEventListener('securitypolicyviolation', (e) => wrongs.push(`policy: ${e.violatedDirective}`));
             addEventListener('error', (e) => wrongs.push(`error: ${e.message}`));
@@ -114,7 +113,7 @@ impl Browser {
         browser
     }
 
-    /// What the page's policy forbade, and what its script did wrong, so far.
+    /// What the page's policy forbade, and errors of its script, so far.
     pub fn wrongs(&mut self) -> Value {
         self.evaluate("window.wrongs")
     }
@@ -126,7 +125,7 @@ impl Browser {
         answer["result"].take()
     }
 
-    /// What the browser answers, be it an error.
+    /// The browser's answer, which may be an error.
     fn ask(&mut self, method: &str, params: Value) -> Value {
         self.calls += 1;
         let mut call = json!({"id": self.calls, "method": method, "params": params});
@@ -149,7 +148,7 @@ impl Browser {
         }
     }
 
-    /// What an expression is on the page.
+    /// The value of an expression on the page.
     pub fn evaluate(&mut self, expression: &str) -> Value {
         let params = json!({"expression": expression, "returnByValue": true, "awaitPromise": true});
         let mut answer = self.call("Runtime.evaluate", params);
@@ -157,16 +156,16 @@ impl Browser {
         answer["result"]["value"].take()
     }
 
-    /// Wait until this is true.
+    /// Waits until this is true.
     pub fn wait_for(&mut self, condition: &str) {
         self.wait_for_long(condition, PATIENCE);
     }
 
-    /// Wait until this is true, for at most so long.
+    /// Waits until this is true, at most this long.
     pub fn wait_for_long(&mut self, condition: &str, patience: Duration) {
         let begun = Instant::now();
         let params = json!({"expression": condition, "returnByValue": true, "awaitPromise": true});
-        // A page that gives way to another one has no answer.
+        // A page that is being replaced gives no answer.
         while self.ask("Runtime.evaluate", params.clone())["result"]["result"]["value"] != json!(true) {
             if begun.elapsed() > patience {
                 let page = self.evaluate("document.body.innerText");
@@ -200,7 +199,7 @@ impl Browser {
         (sums[0].as_f64().unwrap(), sums[1].as_f64().unwrap())
     }
 
-    /// The mouse over a place of the picture, and how far its wheel turns.
+    /// A mouse event over a point of the picture, and how far the wheel turns.
     pub fn mouse(&mut self, kind: &str, wheel: f64) {
         let place = self.evaluate(
             "(() => {
@@ -214,7 +213,7 @@ impl Browser {
         self.call("Input.dispatchMouseEvent", event);
     }
 
-    /// As in a window of this width; a narrow one is a phone's.
+    /// Sets the window's width; a narrow one is a phone's.
     pub fn look(&mut self, width: u32, scheme: &str) -> Value {
         let is_phone = width < 600;
         let scheme = json!({"features": [{"name": "prefers-color-scheme", "value": scheme}]});

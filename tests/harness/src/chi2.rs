@@ -1,8 +1,8 @@
-//! Chi-square tests of samplers against the densities that they claim (Pearson 1900).
+//! Chi-square tests of samplers against their stated densities (Pearson 1900).
 //!
-//! The domain is cut into bins by a k-d tree: first evenly, then at the medians of a pilot run of the sampler. The
-//! pilot's samples are not used again, hence the test stays exact. Counts per bin are compared with the integral of the
-//! density over it. Samples that the sampler refuses (`None`) are one more bin, whose expected count is what the
+//! A k-d tree divides the domain into bins: first evenly, then at the medians of a pilot run of the sampler. The
+//! pilot's samples are not used again, so the test stays exact. Counts per bin are compared with the integral of the
+//! density over it. Samples that the sampler refuses (`None`) form one more bin, whose expected count is what the
 //! density lacks of integrating to one.
 
 use crate::quadrature::{Rect, integrate};
@@ -22,15 +22,15 @@ pub struct Chi2 {
     pub seed: u64,
     /// Samples to count.
     pub samples: u32,
-    /// There are about this number squared of bins.
+    /// The number of bins is about this squared.
     pub resolution: usize,
-    /// Levels at which the quadrature per bin gives up refining; densities with many edges are quicker with fewer.
+    /// Levels at which the quadrature in a bin stops refining; densities with many edges are faster with fewer.
     pub depth: u32,
 }
 
 impl Default for Chi2 {
-    /// Half as many samples where tests may not take long: what is found is a density that is off by 4 % all over (root
-    /// of the mean square) rather than by 3 %.
+    /// Half as many samples where tests must be short: this detects a density that is off by 4 % (root mean square)
+    /// instead of 3 %.
     fn default() -> Self {
         Self {
             seed: 0,
@@ -41,7 +41,7 @@ impl Default for Chi2 {
     }
 }
 
-/// What a chi-square test found.
+/// Result of a chi-square test.
 #[derive(Clone, Copy, Debug)]
 pub struct Chi2Result {
     /// Sum of (observed - expected)^2 / expected over the bins.
@@ -52,16 +52,17 @@ pub struct Chi2Result {
     pub p_value: f64,
     /// Integral of the density over the domain.
     pub integral: f64,
-    /// Share of samples for which the density is zero, negative or not finite. Rounding makes some, at the edges.
+    /// Share of samples for which the density is zero, negative or not finite. Rounding causes some at edges.
     pub impossible: f64,
 }
 
 impl Chi2 {
-    /// Test a sampler of unit directions against `pdf` per solid angle.
+    /// Tests a sampler of unit directions against `pdf` per solid angle.
     ///
-    /// Bins are rectangles in the angle to `axis`, on a scale that grows from linear to logarithmic about the median
-    /// sample, and in the angle around it. So a lobe around the axis may be as narrow as it likes; one elsewhere should
-    /// not be narrower than a few degrees. Test several narrow lobes one by one, refusing the samples of the others.
+    /// Bins are rectangles in the angle to `axis`, on a scale that turns from linear to logarithmic near the median
+    /// sample, and in the angle around it. A lobe around the axis may therefore be arbitrarily narrow; one elsewhere
+    /// should not be narrower than a few degrees. Test several narrow lobes one by one, refusing the samples of the
+    /// others.
     pub fn sphere(
         &self,
         axis: Vec3,
@@ -70,7 +71,7 @@ impl Chi2 {
     ) -> Chi2Result {
         let frame = Frame::from_normal(axis.normalize());
         let [s, t, n] = [frame.s, frame.t, frame.n].map(|v| v.as_dvec3().normalize());
-        // 1 - cos from the chord's length, which keeps its digits near the axis.
+        // 1 - cos from the chord's length, which stays precise near the axis.
         let height = |d: DVec3| 0.5 * (d - n).length_squared();
         let scale = {
             let mut rng = Sampler::new(self.seed, 2, Purpose::Test, 0);
@@ -99,7 +100,7 @@ impl Chi2 {
         self.run(domain, sample, to_plane, |d| f64::from(pdf(d)), from_plane)
     }
 
-    /// Test a sampler of points in `domain` against `pdf` per area.
+    /// Tests a sampler of points in `domain` against `pdf` per area.
     pub fn plane(
         &self,
         domain: Rect,
@@ -125,7 +126,7 @@ impl Chi2 {
     ) -> Chi2Result {
         let mut rng = Sampler::new(self.seed, 0, Purpose::Test, 0);
         let wanted = PILOT_PER_BIN * self.resolution * self.resolution;
-        // Samplers that refuse most of the time need more runs.
+        // Samplers that often refuse need more runs.
         let mut pilot: Vec<[f64; 2]> = (0..20 * wanted)
             .filter_map(|_| sample(&mut rng).map(&to_plane))
             .map(|(x, y)| [x, y])
@@ -156,14 +157,14 @@ impl Chi2 {
             let (value, jacobian) = from_plane(x, y);
             pdf(value) * jacobian
         };
-        // A small part of a bin's standard error.
+        // A small fraction of a bin's standard error.
         let tolerance = |p: f64| 0.05 * (p.max(1.0 / count) / count).sqrt();
         let mut expected: Vec<f64> = leaves
             .iter()
             .map(|leaf| integrate(&f, *leaf, self.depth, tolerance) * count)
             .collect();
         let integral = expected.iter().sum::<f64>() / count;
-        // What is missing is refused; a thousandth may be the quadrature's error.
+        // The missing part is refused; up to a thousandth may be the quadrature's error.
         let missing = 1.0 - integral;
         expected.push(if observed[refused] == 0 && missing < 1e-3 {
             0.0
@@ -182,11 +183,11 @@ impl Chi2 {
     }
 }
 
-/// Samples of the pilot run per bin.
+/// Pilot samples per bin.
 const PILOT_PER_BIN: usize = 20;
 /// Levels of the tree that are split in the middle: 16 even cells.
 const EVEN_LEVELS: u32 = 4;
-/// Levels of the tree at most.
+/// Maximum number of levels of the tree.
 const MAX_LEVELS: u32 = 40;
 
 enum Node {
@@ -234,7 +235,7 @@ impl Node {
         }
     }
 
-    /// The leaf that holds `p`; points outside of the domain belong to a leaf at its edge.
+    /// The leaf that holds `p`; points outside the domain belong to a leaf at its edge.
     fn leaf(&self, p: [f64; 2]) -> usize {
         match self {
             Self::Leaf(index) => *index,
@@ -261,7 +262,7 @@ pub fn chi2(observed: &[u64], expected: &[f64]) -> (f64, usize, f64) {
             bins.push(std::mem::take(&mut pool));
         }
     }
-    // Bins come in ascending order: what is left over is there only when nothing reached the minimum.
+    // Bins come in ascending order: something is left over only when nothing reached the minimum.
     if pool.1 > 0.0 || pool.0 > 0.0 {
         bins.push(pool);
     }

@@ -1,4 +1,4 @@
-//! Scenes in which every surface and every point of space sees radiance 1, so that the image is 1.
+//! Scenes in which every surface and every point in space sees radiance 1, so that the image is 1.
 
 use crate::render::{Blocks, scene_with};
 use crate::{MeanEstimate, Suite};
@@ -17,7 +17,7 @@ radius = 0.4
 material = "glass"
 "#;
 
-/// A mirror beside it.
+/// A mirror ball next to it.
 pub const MIRROR_BALL: &str = r#"
 [materials.silver]
 type = "mirror"
@@ -28,7 +28,7 @@ radius = 0.3
 material = "silver"
 "#;
 
-/// What has more than one lobe, or lets light pass beside it, in the same box.
+/// Surfaces with several lobes or with partial transmission, in the same box.
 pub const COATS_VEILS_AND_PANES: &str = r#"
 [materials.coat]
 type = "plastic"
@@ -57,7 +57,7 @@ material = "pane"
 transform = [{ scale = 0.4 }, { rotate = { axis = [0, 1, 0], angle = 40 } }, { translate = [0.4, 0.4, 0.1] }]
 "#;
 
-/// What is diffuse on both sides: a ball of wax-like skin, and a leaf.
+/// Surfaces that are diffuse on both sides: a ball of wax-like skin, and a leaf.
 pub const LEAVES: &str = r#"
 [materials.skin]
 type = "translucent"
@@ -148,11 +148,11 @@ radiance = 1.0
     )
 }
 
-/// Add tests of the image's mean being 1 in every channel, and that of each quarter of it. Returns the standard error
-/// of the channel that has least noise.
+/// Adds tests that the image's mean, and that of each quarter, is 1 in every channel. Returns the standard error of the
+/// channel with the least noise.
 ///
-/// Kernels lose light where they reach beyond an edge or a boundary, in proportion to their radius: each pass is
-/// rendered with twice the radius as well, and what the two say of no radius at all is 1. There is no allowance.
+/// Kernels lose light where they reach beyond an edge or a boundary, in proportion to their radius. So each pass is
+/// also rendered with twice the radius, and the two extrapolated to radius zero must give 1. There is no allowance.
 pub fn is_one(suite: &mut Suite, name: &str, toml: &str, assets: &[(&str, &[u8])], passes: u64) -> f64 {
     let scene = scene_with(toml, assets);
     let settings = scene.description().defaults.job_settings();

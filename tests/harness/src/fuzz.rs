@@ -1,8 +1,8 @@
-//! Readers of bytes that nobody vouches for, one function each: bodies of the fuzz targets in `tests/fuzz`, which the
-//! test `fuzz` runs on their seeds and on mutations of them.
+//! Readers of untrusted bytes, one function each: the bodies of the fuzz targets in `tests/fuzz`, which the test `fuzz`
+//! runs on their seeds and on mutations of them.
 //!
-//! A reader may refuse what it gets; it must not panic, overflow the stack, take more memory than its input allows, or
-//! run for long.
+//! A reader may refuse its input; it must not panic, overflow the stack, take more memory than its input allows, or run
+//! for long.
 
 pub mod farm;
 
@@ -21,9 +21,9 @@ use rand_pcg::Pcg32;
 /// A fuzz target.
 #[derive(Clone, Copy)]
 pub struct Target {
-    /// Of the function, of the binary in `tests/fuzz`, and of the folder of its seeds.
+    /// Name of the function, of the binary in `tests/fuzz`, and of the folder of its seeds.
     pub name: &'static str,
-    /// Reads.
+    /// Reads an input.
     pub run: fn(&[u8]),
 }
 
@@ -86,7 +86,7 @@ const VIEW: &str = "image = { width = 8, height = 8 }
 camera = { origin = [0, 0, 5], target = [0, 0, 0], fov = 40 }
 ";
 
-/// A scene of `text` that has `file`.
+/// Loads a scene of `text` that has `file`.
 fn load(text: &str, name: &str, file: &[u8]) {
     let bundle = Bundle {
         scene: "scene.toml".into(),
@@ -115,7 +115,7 @@ fn volume(name: &str, data: &[u8]) {
     load(&text, name, data);
 }
 
-/// A scene file, with a mesh, a picture and a volume beside it.
+/// A scene file with a mesh, a picture and a volume.
 pub fn scene(data: &[u8]) {
     const FILES: [(&str, &[u8]); 3] = [
         ("a.ply", include_bytes!("../../fuzz/seeds/ply/square_ascii.ply")),
@@ -136,7 +136,7 @@ pub fn gltf(data: &[u8]) {
     load(&format!("{VIEW}{gltf}"), "a.glb", data);
     let camera = "image = { width = 8, height = 8 }\ncamera = { gltf = \"a.glb\" }\n";
     load(camera, "a.glb", data);
-    // Which files are beside it.
+    // Which files are next to it.
     if let Ok(folder) = tempfile::tempdir() {
         let scene = folder.path().join("scene.toml");
         let written = std::fs::write(&scene, format!("{VIEW}{gltf}"))
@@ -170,7 +170,7 @@ pub fn obj(data: &[u8]) {
     mesh("a.obj", data);
 }
 
-/// A PNG picture, its checksums put right.
+/// A PNG picture, with its checksums corrected.
 pub fn png(data: &[u8]) {
     let mut data = data.to_vec();
     let mut at = 8;
@@ -234,7 +234,7 @@ pub fn vol(data: &[u8]) {
     volume("a.vol", data);
 }
 
-/// A block image from a worker, of 5 x 4 pixels, for a job without layers and for one with [`layers`].
+/// A block image from a worker, 5 x 4 pixels, for a job without layers and for one with [`layers`].
 pub fn block(data: &[u8]) {
     let _ = decode_block(data, 5, 4, &[]);
     let _ = decode_block(data, 5, 4, &layers());
@@ -245,7 +245,7 @@ pub fn layers() -> [Layer; 2] {
     [Layer::Depth, Layer::Light(LightGroup::named("key"))]
 }
 
-/// A message of the farm; the first byte says which.
+/// A message of the farm; the first byte selects its type.
 pub fn wire(data: &[u8]) {
     let Some((kind, data)) = data.split_first() else {
         return;
@@ -267,7 +267,7 @@ pub fn wire(data: &[u8]) {
                 let _ = header.block.map(Block::try_from);
             }
         }
-        // Nothing is taken out of these but numbers and text.
+        // Only numbers and text are read from these.
         _ => {
             let _ = wire::RegisterRequest::decode(data);
             let _ = wire::FetchFileRequest::decode(data);
@@ -280,7 +280,7 @@ pub fn wire(data: &[u8]) {
             let _ = wire::FailReply::decode(data);
             let _ = wire::GiveBackRequest::decode(data);
             let _ = wire::GiveBackReply::decode(data);
-            // Of those who steer.
+            // Requests of clients that steer.
             let _ = wire::StatusRequest::decode(data);
             let _ = wire::StatusReply::decode(data);
             let _ = wire::CancelRequest::decode(data);
@@ -297,7 +297,7 @@ pub fn wire(data: &[u8]) {
     }
 }
 
-/// Numbers at which sizes, counts and indices go wrong.
+/// Numbers at which sizes, counts and indices tend to go wrong.
 const INTERESTING: [u64; 16] = [
     0,
     1,
@@ -317,7 +317,7 @@ const INTERESTING: [u64; 16] = [
     u64::MAX,
 ];
 
-/// What matters in formats of text.
+/// Significant tokens of text formats.
 const TEXT: [&str; 16] = [
     "-1",
     "0",
@@ -337,8 +337,8 @@ const TEXT: [&str; 16] = [
     "\0",
 ];
 
-/// A damaged copy: up to four bytes flipped, pieces cut, doubled, or taken from `other`, the end cut off, numbers put
-/// in.
+/// A damaged copy: up to four changes, each of which flips a byte, cuts, doubles or inserts a piece (also from
+/// `other`), truncates the end, or puts in a number.
 pub fn mutate(seed: &[u8], other: &[u8], random: &mut Pcg32) -> Vec<u8> {
     let mut bytes = seed.to_vec();
     let mut below = |n: usize| random.next_u32() as usize % n.max(1);
@@ -352,7 +352,7 @@ pub fn mutate(seed: &[u8], other: &[u8], random: &mut Pcg32) -> Vec<u8> {
                 let piece = bytes[at..end].to_vec();
                 bytes.splice(at..at, piece);
             }
-            // A long piece, so that blocks repeat.
+            // A long piece, so that whole blocks repeat.
             3 => {
                 let piece = bytes[at..(at + below(512)).min(bytes.len())].to_vec();
                 bytes.splice(at..at, piece);
@@ -364,7 +364,7 @@ pub fn mutate(seed: &[u8], other: &[u8], random: &mut Pcg32) -> Vec<u8> {
             }
             5 | 6 => {
                 let word = TEXT[below(TEXT.len())];
-                // In place of the number that stands there.
+                // In place of a number in the text.
                 let number = |b: &u8| b.is_ascii_digit() || matches!(b, b'.' | b'-');
                 let after = bytes[at..].iter().take_while(|b| number(b)).count();
                 bytes.splice(at..at + after, word.bytes());

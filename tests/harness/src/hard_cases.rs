@@ -1,5 +1,5 @@
-//! Scenes at the edge of what numbers can hold, whose radiance is known: variations of one furnace, a closed box in
-//! which every point sees radiance 1 (n^2 within glass of index n), whatever scatters in it without absorbing.
+//! Scenes at the limits of number ranges with known radiance: variations of one furnace, a closed box in which every
+//! point sees radiance 1 (n^2 within glass of index n), whatever scatters in it without absorbing.
 
 use crate::MeanEstimate;
 use crate::path_tracer::Grid;
@@ -9,42 +9,41 @@ use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use glam::{DAffine3, DVec3};
 
-/// A scene and what it must look like.
+/// A scene and its expected picture.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// In a word or two.
+    /// A short name.
     pub name: &'static str,
     /// The scene file.
     pub toml: String,
-    /// What it names.
+    /// Files that the scene names.
     pub assets: Vec<(&'static str, Vec<u8>)>,
     /// Radiance of every pixel and channel.
     pub truth: f64,
-    /// Share of the truth by which kernels of this size may change it, where they reach beyond walls.
+    /// Share of the truth by which kernels of this size may change it where they reach beyond walls.
     pub allowance: f64,
     /// First pass that is rendered.
     pub first_pass: u64,
     /// Passes.
     pub passes: u64,
-    /// Nearly all light comes from beams that hardly any ray finds: what is seen in a few passes is no more than the
-    /// truth.
+    /// Nearly all light comes from beams that hardly any ray finds: a few passes show at most the truth.
     pub rarely_seen: bool,
-    /// Beams and beam evaluations over those of the ordinary case that are no more than the case asks for: the work is
-    /// compared per unit of it.
+    /// How many times the ordinary case's beams and evaluations the case inherently needs: the work is compared per
+    /// unit of this.
     pub work: f64,
 }
 
-/// What became of a case.
+/// The result of a case.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// Mean of the picture over truth, by channel; a value for each pass.
+    /// Mean of the picture over truth, by channel; one value per pass.
     pub ratio: [MeanEstimate; 3],
     /// Sums over the passes.
     pub stats: PassStats,
 }
 
 impl Case {
-    /// Render it.
+    /// Renders it.
     pub fn render(&self) -> Outcome {
         let assets: Vec<(&str, &[u8])> = self.assets.iter().map(|(n, b)| (*n, &b[..])).collect();
         let scene = scene_with(&self.toml, &assets);
@@ -145,7 +144,7 @@ fn of_medium(name: &'static str, medium: &str) -> Case {
     }
 }
 
-/// The furnace with nothing hard in it: what the others are compared with.
+/// The furnace with nothing hard in it, with which the others are compared.
 pub fn ordinary() -> Case {
     in_fog("ordinary fog", "")
 }
@@ -172,7 +171,7 @@ interior = "fog"
         ),
         in_fog(
             "grazing glass",
-            // The camera is just above a pane that fills the lower half of what it sees.
+            // The camera is just above a pane that fills the lower half of its view.
             r#"
 [[shapes]]
 type = "cube"
@@ -305,7 +304,7 @@ interior = INTERIOR
     cases.push({
         let mut case = in_fog("camera inside of beams", "");
         case.toml = case.toml.replace("radius = 0.01\n", "radius = 0.2\n");
-        // As wide as the camera is far from the walls.
+        // As wide as the camera's distance to the walls.
         case.allowance = 0.1;
         case.work = 20.0;
         case
@@ -353,7 +352,7 @@ material = "white"
     cases
 }
 
-/// Densities of 1 around one sample of 1000: the bound on the density is reached in a point.
+/// A density of 1 around a single sample of 1000: the density reaches its majorant in one point.
 fn spike() -> Vec<u8> {
     let mut samples = vec![1.0; 8 * 8 * 8];
     samples[4 + 8 * (4 + 8 * 4)] = 1000.0;

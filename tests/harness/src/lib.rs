@@ -1,8 +1,8 @@
-//! Statistics for tests of random code: chi-square tests of samplers against their densities, z-tests of estimates; and
-//! the readers that are fuzzed.
+//! Statistics for tests of random code: chi-square tests of samplers against their densities, z-tests of estimates.
+//! Also the readers that are fuzzed.
 //!
-//! A test states its significance: how often it would fail if all were right. Seeds are fixed, so that a test that
-//! passes goes on passing; when it is changed, the significance says what to expect of the new draw.
+//! A test states its significance: how often it would fail if everything were right. Seeds are fixed, so a passing test
+//! keeps passing; when the code changes, the significance says what to expect from the new draw.
 
 pub mod browser;
 pub mod chi2;

@@ -1,7 +1,7 @@
-//! Mitsuba scenes and the pictures that Mitsuba 3 made of them (`tests/mitsuba/compare.py` says how).
+//! Mitsuba scenes and the pictures that Mitsuba 3 made of them (see `tests/mitsuba/compare.py`).
 //!
-//! Compared are means over blocks of 8 x 8 pixels and over the whole picture, by channel. Standard errors are those of
-//! the references, which are part of their files, and of our images.
+//! The tests compare means over blocks of 8 x 8 pixels and over the whole picture, by channel. Standard errors are
+//! those of the references, which are part of their files, and of our images.
 
 use crate::Suite;
 use crate::render::Blocks;
@@ -14,7 +14,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::path::{Path, PathBuf};
 
 const BLOCK: usize = 8;
-/// Rounding, in Mitsuba's single precision and in ours: share of a value that may differ besides the noise.
+/// Rounding in Mitsuba's single precision and in ours: the share of a value that may differ on top of the noise.
 const ROUNDING: f64 = 2e-3;
 
 fn folder() -> PathBuf {
@@ -24,7 +24,7 @@ fn folder() -> PathBuf {
 /// One of the scenes.
 ///
 /// # Panics
-/// When there is none of this name.
+/// If there is none of this name.
 pub fn scene(name: &str) -> Scene {
     let path = folder().join("scenes").join(name).with_extension("xml");
     let description = read_bundle(&path).and_then(|bundle| beamfarm_scene::load(&bundle));
@@ -34,7 +34,7 @@ pub fn scene(name: &str) -> Scene {
     }
 }
 
-/// A picture, and the standard error of the mean of the block that a pixel is in.
+/// A picture, and for each pixel the standard error of its block's mean.
 struct Reference {
     mean: Film,
     error: Film,
@@ -89,11 +89,11 @@ impl Reference {
     }
 }
 
-/// Compare independent images of a scene with its reference. Significance 1e-3 a scene, over all its blocks and
+/// Compares independent images of a scene with its reference. Significance 1e-3 per scene, over all its blocks and
 /// channels.
 ///
 /// # Panics
-/// When they differ.
+/// If they differ.
 pub fn compare(name: &str, images: impl Iterator<Item = Film>) {
     let ours = Blocks::new(images, BLOCK);
     let reference = Reference::read(&folder().join("references").join(name).with_extension("exr"));
@@ -105,7 +105,7 @@ pub fn compare(name: &str, images: impl Iterator<Item = Film>) {
         let blocks = named.map(|(i, (block, expected))| (format!("block {i}"), block[c], expected));
         for (part, block, [expected, error]) in blocks.chain([("all".into(), ours.whole[c], whole)]) {
             let error = error.hypot(ROUNDING * expected);
-            // Welch's test: ours is a mean of few values, the reference one of many.
+            // Welch's test: our mean is of few values, the reference's of many.
             let own = block.std_error();
             let both = own.hypot(error);
             let ratio = both / own.max(1e-9 * both);

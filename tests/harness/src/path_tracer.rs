@@ -1,8 +1,8 @@
-//! A plain path tracer for a room full of a medium given on a grid: what the renderer's images are compared with.
+//! A plain path tracer for a room filled with a medium on a grid, to compare the renderer's images with.
 //!
-//! It is slow and simple, in double precision, one colour channel at a time, and shares no code with the renderer:
-//! distances by delta tracking under the grid's largest density, direct light from the lamp at every vertex, the
-//! optical depth towards it in closed form.
+//! It is slow and simple: double precision, one colour channel at a time, and no code in common with the renderer.
+//! Distances by delta tracking under the grid's largest density, direct light from the lamp at every vertex, the
+//! optical depth towards the lamp in closed form.
 
 use beamfarm_image::film::Film;
 use glam::{DAffine3, DVec2, DVec3};
@@ -18,7 +18,7 @@ pub struct Grid {
     /// At the cells' centres, x fastest.
     samples: Vec<f32>,
     max: f64,
-    /// World space to the space where a cell is a unit cube and the first begins at the origin.
+    /// From world space to the space where a cell is a unit cube and the first one begins at the origin.
     to_cells: DAffine3,
 }
 
@@ -26,7 +26,7 @@ impl Grid {
     /// `samples`: at the cells' centres, x fastest; `to_world`: from the unit cube that the grid fills.
     ///
     /// # Panics
-    /// When the number of samples is not the resolution's.
+    /// If the number of samples does not match the resolution.
     pub fn new(resolution: [usize; 3], samples: Vec<f32>, to_world: DAffine3) -> Self {
         assert_eq!(samples.len(), resolution.iter().product::<usize>());
         let cells = DVec3::from_array(resolution.map(|n| n as f64));
@@ -57,7 +57,7 @@ impl Grid {
         bytes
     }
 
-    /// Density at a point of the world.
+    /// Density at a point in world space.
     pub fn density(&self, point: DVec3) -> f64 {
         self.in_cells(self.to_cells.transform_point3(point))
     }
@@ -71,7 +71,7 @@ impl Grid {
             if x < 0.0 || x > n as f64 {
                 return 0.0;
             }
-            // In samples; up to half a cell from the border, the outermost sample goes on.
+            // In samples; within half a cell of the border, the outermost sample continues.
             let x = (x - 0.5).clamp(0.0, (n - 1) as f64);
             corner[axis] = x.floor() as usize;
             fraction[axis] = x - x.floor();
@@ -91,8 +91,8 @@ impl Grid {
         sum
     }
 
-    /// The density integrated from a point to another: exactly, as it is a cubic between two planes of samples, and
-    /// Gauss's rule with two points is exact for cubics.
+    /// The density integrated between two points. This is exact: the density is a cubic between two planes of samples,
+    /// for which Gauss's rule with two points is exact.
     pub fn depth(&self, from: DVec3, to: DVec3) -> f64 {
         let (a, b) = (self.to_cells.transform_point3(from), self.to_cells.transform_point3(to));
         let mut cuts = vec![0.0, 1.0];
@@ -130,7 +130,7 @@ pub struct Lamp {
     pub radiance: [f64; 3],
 }
 
-/// Pinhole camera. Its field of view is that of the image's width; up is +y.
+/// Pinhole camera. Its field of view is across the image's width; up is +y.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
     /// Where it is.
@@ -165,7 +165,7 @@ pub struct Room {
     pub sigma_a: [f64; 3],
     /// Scattering at density 1, RGB.
     pub sigma_s: [f64; 3],
-    /// The phase function: shares of Henyey and Greenstein's and their mean cosines; 0 is isotropic.
+    /// The phase function: weights of Henyey and Greenstein lobes and their mean cosines; 0 is isotropic.
     pub phase: Vec<(f64, f64)>,
     /// The density.
     pub grid: Grid,
@@ -178,7 +178,7 @@ pub struct Room {
 }
 
 impl Room {
-    /// Independent images, one path through each pixel in each.
+    /// Independent images with one path per pixel each.
     pub fn images(&self, count: u64, seed: u64) -> Vec<Film> {
         let image = |number| {
             let size = self.camera.size;
@@ -217,7 +217,7 @@ impl Room {
                 None => {
                     origin += dir * distance;
                     let Some(wall) = hit else {
-                        // The lamp: at every later vertex it is counted by `direct`.
+                        // The lamp: at every later vertex `direct` counts it.
                         if seen_by_camera {
                             sum += beta * self.lamp.radiance[c];
                         }
@@ -264,7 +264,7 @@ impl Room {
         nearest
     }
 
-    /// Distance to the next real collision, if it is nearer than `end` (delta tracking, Woodcock et al. 1965).
+    /// Distance to the next real collision, if nearer than `end` (delta tracking, Woodcock et al. 1965).
     fn collision(&self, origin: DVec3, dir: DVec3, end: f64, c: usize, random: &mut Random) -> Option<f64> {
         let majorant = (self.sigma_s[c] + self.sigma_a[c]) * self.grid.max;
         if majorant == 0.0 {
@@ -282,8 +282,7 @@ impl Room {
         }
     }
 
-    /// Light of the lamp that a vertex sends on, for one direction in the cone that the lamp fills, uniform by solid
-    /// angle.
+    /// The lamp's light that a vertex scatters on, for one direction uniform in the solid angle of the lamp's cone.
     fn direct(&self, vertex: DVec3, scattering: impl Fn(DVec3) -> f64, c: usize, random: &mut Random) -> f64 {
         let to_lamp = self.lamp.center - vertex;
         let (distance, axis) = (to_lamp.length(), to_lamp.normalize());
@@ -292,7 +291,7 @@ impl Room {
         let height = sin_max * sin_max / (1.0 + (1.0 - sin_max * sin_max).sqrt());
         let dir = around(axis, 1.0 - height * random.next(), random);
         let (t, hit) = self.nearest(vertex, dir);
-        // Past the lamp by rounding, at its rim.
+        // Past the lamp's rim by rounding.
         if hit.is_some() {
             return 0.0;
         }
@@ -300,7 +299,7 @@ impl Room {
         self.lamp.radiance[c] * scattering(dir) * TAU * height * transmittance
     }
 
-    /// From a point to another, in one channel.
+    /// Between two points, in one channel.
     pub fn transmittance(&self, from: DVec3, to: DVec3, c: usize) -> f64 {
         libm::exp(-(self.sigma_s[c] + self.sigma_a[c]) * self.grid.depth(from, to))
     }
@@ -331,7 +330,7 @@ impl Room {
     }
 }
 
-/// A direction at a given cosine to an axis, uniform around it: the way that a random direction leans.
+/// A direction at a given cosine to an axis, at the azimuth of a random direction, so uniform around the axis.
 fn around(axis: DVec3, cos: f64, random: &mut Random) -> DVec3 {
     let lean = random.on_sphere();
     let across = (lean - axis * lean.dot(axis)).normalize();
@@ -424,7 +423,7 @@ mod tests {
             let dir = DVec3::new(0.6, 0.0, -0.8);
             let mut random = Random(Pcg64::new(1, 2));
             let cosines: Vec<f64> = (0..20_000).map(|_| dir.dot(room.scattered(dir, &mut random))).collect();
-            // Its mean cosine, and the share below -1/2 by quadrature of what `phase_value` says.
+            // Its mean cosine, and the share below -1/2 by quadrature of `phase_value`.
             let mean: MeanEstimate = cosines.iter().copied().collect();
             suite.mean(format!("mean cosine {g}"), &mean, g);
             let back: MeanEstimate = cosines.iter().map(|cos| f64::from(u8::from(*cos < -0.5))).collect();

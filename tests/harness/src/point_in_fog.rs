@@ -1,8 +1,8 @@
-//! A point light in fog in a black box, and what single scattering of it looks like, by quadrature.
+//! A point light in fog in a black box, and its single scattering by quadrature.
 
 use glam::{DVec2, DVec3};
 
-/// The fog, which scatters by Henyey and Greenstein's function.
+/// The fog, with Henyey and Greenstein's phase function.
 #[derive(Clone, Copy, Debug)]
 pub struct PointInFog {
     /// Scattering, RGB, per scene unit.
@@ -56,8 +56,8 @@ intensity = {INTENSITY:?}
         )
     }
 
-    /// Radiance of light scattered once, through the pixel whose corner at the top left this is, in pixels: over 4 x 4
-    /// rays. And the nearest that one of them comes to the light.
+    /// Radiance of light scattered once, averaged over 4 x 4 rays through the pixel with this top left corner, and the
+    /// smallest distance of one of them to the light.
     pub fn pixel_integral(&self, corner: DVec2) -> (DVec3, f64) {
         let origin = DVec3::new(0.0, 0.0, 2.0);
         let tan = libm::tan(30f64.to_radians());

@@ -44,10 +44,9 @@ fn gauss(f: &impl Fn(f64, f64) -> f64, rect: Rect) -> f64 {
     sum * hx * hy
 }
 
-/// Integral of `f` over `rect` by adaptive quartering of a Gauss rule. `tolerance` maps a first estimate of the
-/// integral to the absolute error that is good enough; quartering ends after `max_depth` levels in any case. A quarter
-/// may have half of its parent's error: along an edge of `f` the number of cells that are refined doubles with each
-/// level.
+/// Integral of `f` over `rect` by adaptive quartering with a Gauss rule. `tolerance` maps a first estimate of the
+/// integral to the acceptable absolute error; quartering ends after `max_depth` levels in any case. A quarter may have
+/// half of its parent's error: along an edge of `f` the number of refined cells doubles with each level.
 pub fn integrate(f: &impl Fn(f64, f64) -> f64, rect: Rect, max_depth: u32, tolerance: impl Fn(f64) -> f64) -> f64 {
     let coarse = gauss(f, rect);
     let fine: f64 = rect.quarters().map(|q| gauss(f, q)).iter().sum();

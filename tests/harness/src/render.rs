@@ -13,7 +13,7 @@ use beamfarm_render::world::Scene;
 /// A scene without assets.
 ///
 /// # Panics
-/// When the text is not a valid scene.
+/// If the text is not a valid scene.
 pub fn scene(toml: &str) -> Scene {
     scene_with(toml, &[])
 }
@@ -21,7 +21,7 @@ pub fn scene(toml: &str) -> Scene {
 /// A scene with assets, by name.
 ///
 /// # Panics
-/// When the text is not a valid scene.
+/// If the text is not a valid scene.
 pub fn scene_with(toml: &str, assets: &[(&str, &[u8])]) -> Scene {
     let mut bundle = Bundle {
         scene: "test.toml".into(),
@@ -42,8 +42,8 @@ pub fn is_long() -> bool {
     std::env::var("BEAMFARM_LONG").is_ok_and(|value| !value.is_empty() && value != "0")
 }
 
-/// What is rendered of so many images that a test compares: all where tests may take long; otherwise half of them, a
-/// quarter, or an eighth, at least 32: of fewer the standard error would hardly be known.
+/// How many of a test's images are rendered: all where tests may take long; otherwise a half, a quarter or an eighth of
+/// them, but at least 32, since the standard error of fewer would hardly be known.
 pub fn images(all: u64) -> u64 {
     match all {
         _ if is_long() => all,
@@ -62,24 +62,24 @@ pub fn blur() -> f64 {
 /// Renders the scene's own number of passes.
 ///
 /// # Panics
-/// When a pass has a pixel that is not finite.
+/// If a pass has a pixel that is not finite.
 pub fn average(scene: &Scene) -> Average {
     let defaults = scene.description().defaults;
     run(scene, defaults.job_settings(), defaults.passes)
 }
 
-/// Renders so many passes of a job.
+/// Renders this many passes of a job.
 ///
 /// # Panics
-/// When a pass has a pixel that is not finite.
+/// If a pass has a pixel that is not finite.
 pub fn run(scene: &Scene, settings: JobSettings, passes: u64) -> Average {
     run_plan(scene, &RenderPlan::new(scene, settings), passes)
 }
 
-/// Renders so many passes of a plan.
+/// Renders this many passes of a plan.
 ///
 /// # Panics
-/// When a pass has a pixel that is not finite.
+/// If a pass has a pixel that is not finite.
 pub fn run_plan(scene: &Scene, plan: &RenderPlan, passes: u64) -> Average {
     let camera = &scene.description().camera;
     let mut sum = TreeSum::new(camera.width, camera.height);
@@ -95,19 +95,19 @@ pub fn run_plan(scene: &Scene, plan: &RenderPlan, passes: u64) -> Average {
     average
 }
 
-/// Means over blocks of pixels, RGB, of independent images of one scene. What an image's pixels share of its draw is in
-/// its block's mean: the standard errors are those of blocks, not of pixels.
+/// Means over blocks of pixels, RGB, of independent images of one scene. Pixels of an image share random events, which
+/// the block's mean includes: the standard errors are those of blocks, not of pixels.
 #[derive(Clone, Debug)]
 pub struct Blocks {
     side: usize,
-    /// Row by row; one value an image.
+    /// Row by row; one value per image.
     pub blocks: Vec<[MeanEstimate; 3]>,
     /// Means over all blocks.
     pub whole: [MeanEstimate; 3],
 }
 
 impl Blocks {
-    /// Blocks of `side` x `side` pixels, of images whose sides are multiples of it.
+    /// Blocks of `side` x `side` pixels; the images' sides must be multiples of it.
     pub fn new(images: impl Iterator<Item = Film>, side: usize) -> Self {
         let mut means = Self {
             side,
@@ -118,7 +118,7 @@ impl Blocks {
         means
     }
 
-    /// Standard error of the difference from another picture, as a share of its mean: the largest of the channels.
+    /// Standard error of the difference from another picture, as a share of its mean: the largest over the channels.
     pub fn noise(&self, other: &Self) -> f64 {
         let channels = self.whole.iter().zip(&other.whole);
         let errors = channels.map(|(a, b)| a.std_error().hypot(b.std_error()) / b.mean().abs());
@@ -145,13 +145,13 @@ impl Blocks {
     }
 }
 
-/// Means over blocks of `side` x `side` pixels of the scene's passes, of which there are [`images`].
+/// Means over blocks of `side` x `side` pixels of the scene's passes, as many as [`images`].
 pub fn blocks(scene: &Scene, side: usize) -> Blocks {
     let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
     blocks_of(scene, &plan, side)
 }
 
-/// The same, the light found by these, with random numbers of its own.
+/// The same with these techniques and other random numbers.
 pub fn blocks_by(scene: &Scene, techniques: Techniques, seed: u64, side: usize) -> Blocks {
     let settings = JobSettings {
         seed,
@@ -161,14 +161,14 @@ pub fn blocks_by(scene: &Scene, techniques: Techniques, seed: u64, side: usize) 
     blocks_of(scene, &RenderPlan::new(scene, settings), side)
 }
 
-/// The same of a plan.
+/// The same for a plan.
 pub fn blocks_of(scene: &Scene, plan: &RenderPlan, side: usize) -> Blocks {
     let passes = 0..images(scene.description().defaults.passes);
     let films = passes.map(|pass_index| render_pass(scene, plan, pass_index).expect("a pass").film);
     Blocks::new(films, side)
 }
 
-/// Independent images of the reference integrator, each the mean of so many samples: [`images`] of `all`.
+/// Independent images of the reference integrator, each the mean of this many samples: [`images`] of `all`.
 pub fn reference_images(
     scene: &Scene,
     settings: ReferenceSettings,

@@ -4,17 +4,17 @@ use crate::chi2::Chi2Result;
 use crate::render::Blocks;
 use crate::z_test::MeanEstimate;
 
-/// Share of samples of zero density that passes as rounding.
+/// Share of samples of zero density that is accepted as rounding.
 const MAX_IMPOSSIBLE: f64 = 1e-4;
 
-/// Significance of each of so many tests, so that all of them pass with probability `1 - significance` where all is
-/// right (Šidák 1967): 1 - (1 - significance)^(1 / tests), without cancellation.
+/// Significance of each of this many tests, such that all of them pass with probability `1 - significance` if
+/// everything is right (Šidák 1967): 1 - (1 - significance)^(1 / tests), without cancellation.
 pub fn sidak(significance: f64, tests: usize) -> f64 {
     -libm::expm1(libm::log1p(-significance) / tests.max(1) as f64)
 }
 
-/// Collects p-values and judges them together. The bound on each p-value is corrected after Šidák, so that all of the
-/// tests pass with probability `1 - significance` when everything is right.
+/// Collects p-values and judges them together. The bound on each p-value is corrected after Šidák, so that all tests
+/// pass with probability `1 - significance` if everything is right.
 #[derive(Debug)]
 pub struct Suite {
     significance: f64,
@@ -32,7 +32,7 @@ impl Suite {
         }
     }
 
-    /// Add a p-value. One that is not in [0, 1] (NaN, say) fails the suite.
+    /// Adds a p-value. One that is not in [0, 1] (NaN, for example) fails the suite.
     pub fn p_value(&mut self, name: impl Into<String>, p: f64) {
         let name = name.into();
         if (0.0..=1.0).contains(&p) {
@@ -42,7 +42,7 @@ impl Suite {
         }
     }
 
-    /// Add a chi-square test. Besides its p-value, more than a few samples of zero density, or a density that
+    /// Adds a chi-square test. Besides its p-value, more than a few samples of zero density, or a density that
     /// integrates to more than one, fail the suite.
     pub fn chi2(&mut self, name: impl Into<String>, result: &Chi2Result) {
         let name = name.into();
@@ -62,12 +62,12 @@ impl Suite {
         );
     }
 
-    /// Add a z-test of a mean against its known value.
+    /// Adds a z-test of a mean against its known value.
     pub fn mean(&mut self, name: impl Into<String>, estimate: &MeanEstimate, expected: f64) {
         self.mean_within(name, estimate, expected, 0.0);
     }
 
-    /// The same, of a mean that may be off by a share of its value.
+    /// The same, for a mean that may be off by a share of its value.
     pub fn mean_within(&mut self, name: impl Into<String>, estimate: &MeanEstimate, expected: f64, share: f64) {
         self.p_value(
             format!(
@@ -80,12 +80,12 @@ impl Suite {
         );
     }
 
-    /// Add a z-test of two estimates of the same mean.
+    /// Adds a z-test of two estimates of the same mean.
     pub fn same_mean(&mut self, name: impl Into<String>, a: &MeanEstimate, b: &MeanEstimate) {
         self.same_mean_within(name, a, b, 0.0);
     }
 
-    /// The same, of means that may be apart by a share of the second.
+    /// The same, for means that may differ by a share of the second.
     pub fn same_mean_within(&mut self, name: impl Into<String>, a: &MeanEstimate, b: &MeanEstimate, share: f64) {
         self.p_value(
             format!(
@@ -100,11 +100,11 @@ impl Suite {
         );
     }
 
-    /// Add z-tests of two pictures of the same: every channel of every block and of the whole. Means may be apart by a
-    /// share of the second's.
+    /// Adds z-tests of two pictures of the same scene: every channel of every block and of the whole. Means may differ
+    /// by a share of the second's.
     ///
     /// # Panics
-    /// When the pictures have different numbers of blocks, or are black.
+    /// If the pictures have different numbers of blocks, or are black.
     #[track_caller]
     pub fn same_blocks(&mut self, name: &str, a: &Blocks, b: &Blocks, share: f64) {
         assert_eq!(a.blocks.len(), b.blocks.len(), "{name}");
@@ -119,7 +119,7 @@ impl Suite {
         }
     }
 
-    /// The tests that failed, one a line; empty when all passed.
+    /// The tests that failed, one per line; empty when all passed.
     pub fn failures(&self) -> Vec<String> {
         let bound = sidak(self.significance, self.p_values.len());
         let mut failures = self.failures.clone();
@@ -131,7 +131,7 @@ impl Suite {
         failures
     }
 
-    /// Panic with the list of failed tests, if any failed or if nothing was tested.
+    /// Panics with the list of failed tests, if any failed or if nothing was tested.
     #[track_caller]
     pub fn finish(self) {
         assert!(!self.p_values.is_empty(), "nothing was tested");

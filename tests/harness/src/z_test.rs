@@ -9,12 +9,12 @@ pub struct MeanEstimate {
 }
 
 impl MeanEstimate {
-    /// Nothing yet.
+    /// An empty estimate.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Add a value.
+    /// Adds a value.
     pub fn add(&mut self, x: f64) {
         self.count += 1;
         let delta = x - self.mean;
@@ -46,12 +46,12 @@ impl MeanEstimate {
     }
 
     /// Two-sided p-value of the mean being `expected`. Where all values are equal, a relative rounding error of 1e-6 is
-    /// forgiven.
+    /// tolerated.
     pub fn p_value(&self, expected: f64) -> f64 {
         self.p_value_within(expected, 0.0)
     }
 
-    /// Two-sided p-value of the mean being off from `expected` by no more than this share of it.
+    /// Two-sided p-value of the mean differing from `expected` by no more than this share of it.
     pub fn p_value_within(&self, expected: f64, share: f64) -> f64 {
         let off = beyond(self.mean - expected, share * expected);
         p_value(off, self.std_error(), expected)
@@ -62,8 +62,7 @@ impl MeanEstimate {
         self.p_value_same_within(other, 0.0)
     }
 
-    /// Two-sided p-value of the means of two independent estimates being apart by no more than this share of the
-    /// other's.
+    /// Two-sided p-value of two independent means differing by no more than this share of the other's.
     pub fn p_value_same_within(&self, other: &Self, share: f64) -> f64 {
         let error = self.std_error().hypot(other.std_error());
         let off = beyond(self.mean - other.mean, share * other.mean);
@@ -84,14 +83,14 @@ pub fn two_sided(z: f64) -> f64 {
     libm::erfc(z.abs() * std::f64::consts::FRAC_1_SQRT_2)
 }
 
-/// What of a difference is more than allowed. NaN stays NaN.
+/// The part of a difference beyond the allowance. NaN stays NaN.
 fn beyond(difference: f64, allowed: f64) -> f64 {
     let off = difference.abs() - allowed.abs();
     if off < 0.0 { 0.0 } else { off }
 }
 
-/// Single precision values carry rounding errors that no standard error covers: they are allowed for as one more
-/// independent error of 1e-7 of the mean.
+/// No standard error covers the rounding errors of single-precision values: they are allowed for as an independent
+/// error of 1e-7 of the mean.
 fn p_value(difference: f64, std_error: f64, scale: f64) -> f64 {
     let error = std_error.hypot(1e-7 * scale.abs());
     if error == 0.0 {

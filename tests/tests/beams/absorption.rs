@@ -1,12 +1,12 @@
-//! Direct light through media that only absorb: Lambert's law over the whole of its way.
+//! Direct light through media that only absorb: Lambert's law over the whole path.
 
 use beamfarm_harness::render::{average, scene};
 use std::f64::consts::PI;
 
-/// Optical depth from the lamp to the floor: an error of the length by 1e-4 is one of the light by 3e-3.
+/// Optical depth from the lamp to the floor: a relative error of 1e-4 in the length is one of 3e-3 in the light.
 const SIGMA_A: f64 = 30.0;
 
-/// A point of a floor at a distance of 1 under a point light, in ink, seen from aside. No chance is in it.
+/// A point of a floor at distance 1 below a point light, in ink, seen from the side. Nothing is random here.
 #[test]
 fn light_is_absorbed_all_the_way_from_the_lamp() {
     let boundary = r#"

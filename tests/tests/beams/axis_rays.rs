@@ -1,4 +1,4 @@
-//! Rays that are parallel to an axis, with zeros of either sign.
+//! Rays parallel to an axis, with zeros of either sign.
 
 use beamfarm_harness::render::scene;
 use beamfarm_render::math::{Ray, Vec3};

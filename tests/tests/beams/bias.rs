@@ -1,4 +1,4 @@
-//! The bias that is printed: passes whose bias is known tile by tile, and scenes whose radii are far too large.
+//! The reported bias: passes whose bias is known tile by tile, and scenes whose radii are far too large.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -23,9 +23,9 @@ struct Made {
     passes: usize,
     /// p: the bias of a pass is b R^p.
     exponent: f64,
-    /// Share of the first pass's variance that goes as 1 / R.
+    /// Share of the first pass's variance that falls as 1 / R.
     kernel: f64,
-    /// One pass in so many has all the noise.
+    /// One pass in this many has all the noise.
     rarity: f64,
 }
 
@@ -49,8 +49,8 @@ impl Made {
         1e-4 * (1.0 - self.kernel + self.kernel / scale)
     }
 
-    /// Least standard error that an estimate of the average's bias can have if the exponent and the noise are known,
-    /// and the standard error of the average.
+    /// The least standard error that an estimate of the average's bias can have when the exponent and the noise are
+    /// known, and the standard error of the average.
     fn standard_errors(&self) -> (f64, f64) {
         let scales = self.scales();
         let n = scales.len() as f64;
@@ -65,7 +65,7 @@ impl Made {
         (powers.iter().sum::<f64>() / n / spread.sqrt(), variance.sqrt() / n)
     }
 
-    /// A job whose tiles' averages have these biases.
+    /// A job whose tiles' averages have the given biases.
     fn job(&self, biases: &[f64], rng: &mut Pcg64Mcg) -> Bias {
         let scales = self.scales();
         let power = |scale: f64| libm::pow(scale, self.exponent);
@@ -89,24 +89,24 @@ impl Made {
     }
 }
 
-/// What became of tiles whose bias is known.
+/// How tiles of known bias were judged.
 #[derive(Clone, Copy, Debug, Default)]
 struct Tally {
-    /// Biased by more than two standard errors, and how many of them are named.
+    /// Tiles biased by more than two standard errors, and how many of them are reported.
     biased: u32,
     found: u32,
-    /// The same of those below three.
+    /// The same for tiles biased by less than three.
     faint: u32,
     faint_found: u32,
-    /// By job: false ones among the named, those without a bias or with one of the other sign.
+    /// By job: the share of reported tiles that are false, having no bias or one of the other sign.
     false_share: MeanEstimate,
-    /// Named tiles whose bias lies within two of its standard errors.
+    /// Reported tiles whose bias lies within two standard errors of the estimate.
     named: u32,
     covered: u32,
 }
 
 impl Tally {
-    /// A job whose tiles have these biases; `least` is two standard errors of each.
+    /// Adds a job whose tiles have these biases; `least` is two standard errors for each.
     fn add(&mut self, bias: &Bias, truth: &[f64], least: &[f64]) {
         let (mut named, mut wrong) = (0, 0);
         for ((tile, truth), least) in bias.tiles.iter().zip(truth).zip(least) {
@@ -131,7 +131,7 @@ impl Tally {
         f64::from(self.found) / f64::from(self.biased)
     }
 
-    /// At least 80 % are named, at most 5 % falsely; three standard errors are allowed for.
+    /// At least 80 % are reported, at most 5 % falsely, with an allowance of three standard errors.
     fn check(&self, name: &str) {
         let Self {
             biased,
@@ -155,8 +155,8 @@ impl Tally {
     }
 }
 
-/// Half of the tiles have a bias, of two to twenty standard errors of what an estimate can know at best: all sizes are
-/// equally frequent on a logarithmic scale, and the signs differ.
+/// Half of the tiles have a bias, of two to twenty times the best possible standard error: log-uniform sizes, both
+/// signs.
 #[test]
 fn biased_tiles_are_named_and_hardly_any_other() {
     let mut rng = Pcg64Mcg::seed_from_u64(1);
@@ -189,13 +189,13 @@ fn biased_tiles_are_named_and_hardly_any_other() {
             }
         }
     }
-    // Without an allowance that amounts to anything.
+    // The allowance is negligible here.
     all.check("all");
     assert!(all.power() > 0.8 && all.false_share.mean() < 0.05);
 }
 
-/// Without any bias, a job in twenty names a tile at most: also where all noise comes in one pass of twenty, and where
-/// all tiles have the same.
+/// Without any bias, at most one job in twenty reports a tile, even where all noise comes in one pass of twenty or
+/// where all tiles have the same noise.
 #[test]
 fn noise_is_no_bias() {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
@@ -223,8 +223,8 @@ fn noise_is_no_bias() {
     }
 }
 
-/// Light through a hole in a plate makes a shaft in fog, which beams as wide as these blur into the dark: the plate
-/// lets some light through, or it would end their kernels.
+/// Light through a hole in a plate makes a shaft in fog, which beams this wide blur into the dark. The plate lets some
+/// light through; otherwise it would end their kernels.
 const SHAFT: &str = r#"
 [image]
 width = 96
@@ -274,7 +274,7 @@ radius = 0.15
 emission = { power = 200 }
 "#;
 
-/// What a glass ball gathers on a floor.
+/// The caustic of a glass ball on a floor.
 const CAUSTIC: &str = r#"
 [image]
 width = 96
@@ -307,8 +307,8 @@ radius = 0.4
 emission = { power = 100 }
 "#;
 
-/// The same on a ground of a thousand units, where hits are uncertain by as much as the narrowest kernels are wide:
-/// what depended on the radius there was no blur, and was told of as one with the wrong sign.
+/// The same on a ground of a thousand units, where hits are as uncertain as the narrowest kernels are wide. What
+/// depended on the radius there was not blur, but was reported as bias of the wrong sign.
 const LARGE_GROUND: &str = r#"
 [image]
 width = 96
@@ -359,12 +359,12 @@ fn tile_means(film: &Film) -> Vec<f64> {
     sums
 }
 
-/// Jobs of 64 passes of a scene, with this base radius: eight, or so many where tests may not take long.
+/// Jobs of 64 passes of a scene with this base radius: eight, or the given number where tests must be short.
 fn jobs(toml: &str, radius: f64, few: u64) -> (Scene, Vec<Average>) {
     let scene = scene(&toml.replace("RADIUS", &radius.to_string()));
     let settings = scene.description().defaults.job_settings();
     let job = |seed| {
-        // Also where kernels are so wide that camera paths would be taken for it.
+        // Photons even where kernels are so wide that the plan would choose camera paths.
         let photons = Some(Technique::Photons);
         let techniques = match scene.description().media.is_empty() {
             true => settings.techniques,
@@ -395,8 +395,8 @@ fn print(name: &str, job: &Average) {
     println!("{name}: {bias}; {}", tiles.unwrap_or_default());
 }
 
-/// Radii as wide as a tile, against the path tracer: how many tiles of all jobs are biased beyond doubt and by two
-/// standard errors of a job's estimate, and how many of them are named.
+/// Radii as wide as a tile, against the path tracer: how many tiles of all jobs are certainly biased and by two
+/// standard errors of a job's estimate, and how many of them are reported.
 fn told_of(name: &str, toml: &str, radius: f64) -> (u32, u32) {
     let (scene, jobs) = jobs(toml, radius, 3);
     let settings = ReferenceSettings {
@@ -438,7 +438,7 @@ fn told_of(name: &str, toml: &str, radius: f64) -> (u32, u32) {
     (biased, found)
 }
 
-/// Radii so small that there is nothing to tell of. At most one tile in twenty is named.
+/// Radii so small that there is nothing to report: at most one tile in twenty is.
 fn is_silent(name: &str, toml: &str, radius: f64) {
     let (_, jobs) = jobs(toml, radius, 3);
     jobs.iter().for_each(|job| print(name, job));

@@ -1,4 +1,4 @@
-//! The convergence theory against repeated runs: a pixel whose bias and variance quadrature gives.
+//! The convergence theory against repeated runs of a pixel whose bias and variance are known by quadrature.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -17,8 +17,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::f64::consts::PI;
 
 const SCENE: &str = include_str!("../../data/convergence.toml");
-/// Of the scene: intensity of the lamp, the medium, kernel radius of the first pass. The mirror reflects all, so that
-/// no photon is lost in a roulette.
+/// The scene's lamp intensity, medium and first-pass kernel radius. The mirror reflects everything, so that roulette
+/// ends no photon there.
 const INTENSITY: f64 = 1e7;
 const SIGMA_S: f64 = 1e-4;
 const SIGMA_T: f64 = 0.5 + SIGMA_S;
@@ -30,11 +30,11 @@ const RUNS: u64 = 300;
 
 /// Mean and second moment of the radiance that one photon adds, times the photons of a pass, at a kernel radius.
 ///
-/// The mirror makes of the lamp its image at (-5, 0, 0). A direction (1, y, z) of it that meets the mirror is a beam
+/// The mirror gives the lamp an image at (-5, 0, 0). A direction (1, y, z) from there that meets the mirror is a beam
 /// that passes the camera's ray (x = 3, y = 0, downwards in z from 6) at z = 8 z.
 fn moments(radius: f64, flux: f64) -> (f64, f64) {
     let half = 0.1875 / 3.0;
-    // The distance of the two lines is 8 y / sqrt(1 + y^2).
+    // The distance between the two lines is 8 y / sqrt(1 + y^2).
     let reach = radius / (64.0 - radius * radius).sqrt();
     let value = |y: f64, z: f64| {
         let length2 = 1.0 + y * y + z * z;
@@ -65,7 +65,7 @@ fn moments(radius: f64, flux: f64) -> (f64, f64) {
     (both[0], flux * both[1])
 }
 
-/// Mean and variance of a pass.
+/// Mean and variance of one pass.
 fn pass_moments(radius: f64, flux: f64) -> (f64, f64) {
     let (mean, second) = moments(radius, flux);
     (mean, (second - mean * mean) / PATHS)
@@ -83,7 +83,7 @@ fn setup() -> (Scene, f64) {
     (scene, flux)
 }
 
-/// p-value of a sample variance of normal values.
+/// p-value of the sample variance of normal values.
 fn variance_p_value(sample: f64, expected: f64, count: u64) -> f64 {
     let dof = (count - 1) as f64;
     let distribution = ChiSquared::new(dof).expect("degrees of freedom");
@@ -98,7 +98,7 @@ fn variance_and_bias_are_those_of_the_theory() {
     let (scene, flux) = setup();
     let truth = truth();
     let (first_mean, first_variance) = pass_moments(RADIUS, flux);
-    // What the pixel is for: a bias of the first pass that cannot be overlooked.
+    // The pixel was chosen for this: the first pass's bias is unmistakable.
     assert!(first_mean / truth < 0.95, "{first_mean} of {truth}");
     let mut all = Vec::new();
     for alpha in [0.1, 0.5, 0.9] {
@@ -112,7 +112,7 @@ fn variance_and_bias_are_those_of_the_theory() {
             .iter()
             .map(|scale| pass_moments(RADIUS * scale, flux))
             .collect();
-        // Passes, in groups: each run gives a group one value, and runs are independent.
+        // Passes in groups: each run gives each group one value, and runs are independent.
         for group in [0..1, 1..4, 4..16, 16..PASSES as usize] {
             let over = |f: &dyn Fn(f64, (f64, f64)) -> f64| -> MeanEstimate {
                 let of_run = |run: &Vec<f64>| {
@@ -127,7 +127,7 @@ fn variance_and_bias_are_those_of_the_theory() {
             let ratio = over(&|x, (mean, variance)| (x - mean) * (x - mean) / variance);
             suite.mean(format!("{name}: variance over its expectation"), &ratio, 1.0);
         }
-        // Averages: sums of enough beams to be normal.
+        // Averages sum enough beams to be normal.
         let averaged = runs.averaged().of_passes();
         for passes in [16, 48, PASSES] {
             let n = passes as f64;
@@ -147,8 +147,8 @@ fn variance_and_bias_are_those_of_the_theory() {
     }
     suite.finish();
 
-    // The published laws have no constants but those of the first pass: the exact ones deviate by as much as the kernel
-    // is wide beside the shaft of light.
+    // The published laws take their constants from the first pass alone; the exact ones deviate because the kernel is
+    // not narrow compared with the shaft of light.
     let theory = Theory {
         truth,
         bias: first_mean - truth,
@@ -168,13 +168,13 @@ fn variance_and_bias_are_those_of_the_theory() {
             );
         }
     }
-    // Without the truth, the fit finds it: its deviation is that of the mean of all runs and of the curvature above.
+    // Without the truth, the fit finds it, with the deviation of the mean of all runs and of the curvature above.
     let fit = Theory::fit(&all, None);
     assert!((fit.truth / truth - 1.0).abs() < 0.02, "{fit:?} {truth}");
 }
 
-/// Paths that start evenly have the same mean, at significance 1e-3, and less than half of the variance of independent
-/// ones, which 300 runs tell to a twelfth.
+/// Stratified paths have the same mean, at significance 1e-3, and less than half of the variance of independent ones,
+/// which 300 runs estimate to within a twelfth.
 #[test]
 fn even_paths_have_the_mean_and_less_variance() {
     let (scene, flux) = setup();
@@ -198,7 +198,7 @@ fn even_paths_have_the_mean_and_less_variance() {
     println!("even paths: {share:.3} of the variance of independent ones");
 }
 
-/// What a job of these passes says about its bias.
+/// What a job of these passes reports about its bias.
 fn extrapolated(values: &[f64], scales: &[f64]) -> Bias {
     let mut sum = TreeSum::new(1, 1);
     for (i, (value, scale)) in values.iter().zip(scales).enumerate() {
@@ -227,17 +227,17 @@ fn the_extrapolated_bias_is_the_true_one() {
             let scales = &runs.scales[..passes];
             let mean = |r: &f64| pass_moments(RADIUS * r, flux).0;
             let bias = scales.iter().map(mean).sum::<f64>() / passes as f64 - truth;
-            // What the exponent 1 says, which is the true one.
+            // Estimates with exponent 1, which is the true one.
             let estimates = || {
                 let values = runs.values.iter();
                 values.map(|run| extrapolated(&run[..passes], scales).image.mean().fits[1])
             };
             let name = format!("alpha {alpha:.2}, {passes} passes");
-            // The curve is not quite a line: the intercept deviates by a little.
+            // The curve is not quite a line, so the intercept deviates a little.
             let error: MeanEstimate = estimates().map(|e| e.bias - bias).collect();
             suite.mean(format!("{name}: bias"), &error, 0.0);
-            // The noise of a lone pixel is all from kernels and rarer than not: what is claimed may be larger than it
-            // is, by a third, but not smaller. Three standard errors.
+            // All noise of a single pixel comes from kernels, and most passes have none. The claimed error may be too
+            // large, by a third, but not too small. Three standard errors.
             let squares =
                 |value: fn(f64, Fit) -> f64| -> MeanEstimate { estimates().map(|e| value(e.bias - bias, e)).collect() };
             let excess = squares(|off, e| off * off - e.standard_error * e.standard_error);
@@ -246,14 +246,14 @@ fn the_extrapolated_bias_is_the_true_one() {
             assert!(most > -0.5 * claimed, "{name}: {excess:?} {claimed}");
             let least = excess.mean() - 3.0 * excess.std_error();
             assert!(least <= 0.0, "{name}: {excess:?} {claimed}");
-            // One run has few paths: hardly any of them may claim what they cannot know.
+            // One run has few paths: hardly any run may claim what it cannot know.
             let claims = runs.values.iter().filter(|run| {
                 let claimed = extrapolated(&run[..passes], scales);
                 claimed.image.finding == Finding::Biased && claimed.image.mean().bias > 0.0
             });
             assert!(claims.count() <= 1, "{name}");
         }
-        // All runs together are one job with many paths.
+        // All runs together form one job with many paths.
         let together: Vec<f64> = runs.of_passes().iter().map(|pass| pass.mean).collect();
         println!("alpha {alpha:.2}: {}", extrapolated(&together, &runs.scales));
     }

@@ -25,7 +25,7 @@ fn hit(scene: &SceneDescription, origin: Vec3, dir: Vec3) -> Option<SurfaceHit> 
     Geometry::new(&scene.objects).intersect(&scene.objects, &ray, f32::INFINITY, &|_| false)
 }
 
-/// Fields; a ray's origin and direction; the distance, normal and UV that Mitsuba 3.9.1 says.
+/// Fields; a ray's origin and direction; the distance, normal and UV that Mitsuba 3.9.1 gives.
 type Row = (&'static str, [f32; 3], [f32; 3], f32, [f32; 3], [f32; 2]);
 
 #[rustfmt::skip]
@@ -60,8 +60,8 @@ fn hits_are_those_of_mitsuba() {
     }
 }
 
-/// Distances along a line from `o` where it meets an endless cylinder, in double precision; and how far it is from
-/// missing it, as the square of a sine.
+/// Distances along a line from `o` to where it meets an endless cylinder, in double precision; and how far it is from
+/// missing the cylinder, as the square of a sine.
 fn exact(o: DVec3, d: DVec3, radius: f64) -> ([f64; 2], f64) {
     let (o2, d2) = (DVec2::new(o.x, o.y), DVec2::new(d.x, d.y));
     let a = d2.length_squared();
@@ -71,8 +71,8 @@ fn exact(o: DVec3, d: DVec3, radius: f64) -> ([f64; 2], f64) {
     ([middle - half, middle + half], gap)
 }
 
-/// From near and far, thick and thin: the nearest hit is where double precision has it, and a ray that leaves it meets
-/// the far side or nothing, never the same place again.
+/// From near and far, thick and thin: the nearest hit is where double precision puts it, and a ray leaving it meets the
+/// far side or nothing, never the same place again.
 #[test]
 fn hits_are_precise_and_rays_leave() {
     let mut rng = Sampler::new(5, 0, Purpose::Test, 0);
@@ -97,7 +97,7 @@ fn hits_are_precise_and_rays_leave() {
                 let expected = roots
                     .into_iter()
                     .find(|t| gap > 0.0 && *t > 0.0 && (0.0..=height).contains(&height_at(t)));
-                // Outlines and ends are as sharp as single precision tells directions.
+                // Outlines and ends are as sharp as single precision resolves directions.
                 let blur = 1e-6 * far * size;
                 let at_end = |t: &f64| {
                     let z = height_at(t);
@@ -117,7 +117,7 @@ fn hits_are_precise_and_rays_leave() {
                 let off = found.point.truncate().as_dvec2().length() - radius;
                 assert!(off.abs() < 3e-7 * size, "{off} off the surface");
                 met[0] += 1;
-                // Away from it on either side.
+                // Away from the surface on either side.
                 let leaving = warp::cosine_hemisphere(rng.next_2d());
                 let leaving = beamfarm_render::math::Frame::from_normal(found.ng).to_world(leaving);
                 let outside = found.spawn_ray(leaving);
@@ -138,7 +138,7 @@ fn hits_are_precise_and_rays_leave() {
     }
 }
 
-/// Along its axis a ray passes through.
+/// A ray along the axis passes through.
 #[test]
 fn rays_along_the_axis_pass() {
     let scene = loaded("");

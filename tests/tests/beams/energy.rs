@@ -6,8 +6,8 @@ use beamfarm_render::cpu::beam::trace::trace_photons;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::plan::RenderPlan;
 
-/// A lamp behind glass in a closed box of fog. Kernels so narrow that none reaches over an edge, where powers are
-/// larger. The glass makes every photon that gets to a wall one that is stored (light straight from its source is not).
+/// A lamp behind glass in a closed box of fog. Kernels are so narrow that none reaches over an edge, where powers are
+/// larger. Because of the glass every photon that reaches a wall is stored (light straight from its source is not).
 const BOX: &str = r#"
 [image]
 width = 8
@@ -61,8 +61,8 @@ fn what_is_emitted_is_absorbed() {
         assert!(!photons.surface.is_empty());
         for c in 0..3 {
             let walls: f64 = photons.surface.iter().map(|p| p.power[c] as f64).sum();
-            // A long beam holds the flux at its start: what the medium absorbs along it, in expectation, is the
-            // absorbed share of what is lost.
+            // A long beam keeps the flux of its start; the medium absorbs, in expectation, the absorbed share of what
+            // is lost along it.
             let lost: f64 = photons
                 .beams
                 .iter()

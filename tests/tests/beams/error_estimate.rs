@@ -1,5 +1,5 @@
-//! The error that a render claims is the error that it has: over repeated runs of small scenes, the squared error
-//! divided by the estimated one is 1.
+//! The error that a render claims is the error that it has: over repeated runs of small scenes, squared error over
+//! estimated squared error is 1.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{images, run, scene};
@@ -9,7 +9,7 @@ use beamfarm_image::merge::Average;
 use rayon::prelude::*;
 
 const SIDE: usize = 16;
-/// Pixels along the side of the blocks whose radiance errors are compared with.
+/// Side in pixels of the blocks whose mean radiance errors are relative to.
 const BLOCK: usize = 8;
 const RUNS: u64 = 64;
 
@@ -110,10 +110,10 @@ target = [0.0, 0.3, 0.0]
 intensity = 30.0
 "#;
 
-/// Of the ratio of two sums over runs: each run gives one value of both.
+/// A ratio of two sums over runs; each run contributes one value to both.
 struct Ratio {
     value: f64,
-    /// By leaving out one run after another (Efron's jackknife), which knows of the pixels that a run's photons share.
+    /// By leaving out one run after another (Efron's jackknife), which accounts for pixels sharing a run's photons.
     standard_error: f64,
 }
 
@@ -129,14 +129,14 @@ fn jackknife(count: usize, ratio: impl Fn(Option<usize>) -> f64) -> Ratio {
     }
 }
 
-/// Squared error over estimated squared error, both relative to the radiance as the number that `render` prints is.
+/// Squared error over estimated squared error, both relative to the radiance like the number that `render` prints.
 fn ratios(runs: &[Average]) -> [Ratio; 2] {
     let values: Vec<Vec<f64>> = runs.iter().map(|r| flat(&r.beauty.pixels)).collect();
     let errors: Vec<Vec<f64>> = runs.iter().map(|r| flat(&r.standard_error.pixels)).collect();
     let printed: Vec<f64> = runs.iter().map(Average::relative_standard_error).collect();
     let count = values[0].len();
     let picture: f64 = values.iter().flatten().sum::<f64>() / (count * runs.len()) as f64;
-    // Of the blocks' channels. The same for all subsets of runs: a weight.
+    // Mean radiance of the blocks' channels, used as a weight: the same for all subsets of runs.
     let pixel = |i: usize| (i / 3 % SIDE, i / 3 / SIDE);
     let radiance: Vec<f64> = (0..count)
         .map(|i| {
@@ -184,7 +184,7 @@ fn runs(objects: &str, passes: u64) -> Vec<Average> {
     (0..images(RUNS)).into_par_iter().map(of_seed).collect()
 }
 
-/// Of less than two replications the estimate may be too large, and beyond the last two of them.
+/// With fewer than two replications the estimate may be too large, and so it may beyond the last two of them.
 #[test]
 fn errors_of_few_passes_are_not_underestimated() {
     for passes in [6, 9, 16, 24, 47] {

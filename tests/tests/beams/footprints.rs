@@ -1,4 +1,4 @@
-//! Beams behind refracting surfaces are as wide as lens formulas say.
+//! Beams behind refracting surfaces are as wide as lens formulas predict.
 
 use beamfarm_harness::render::scene;
 use beamfarm_render::cpu::beam::PhotonBeam;
@@ -6,10 +6,10 @@ use beamfarm_render::cpu::beam::trace::trace_photons;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::kernel::KernelRadii;
 
-/// Index of the glass.
+/// Refractive index of the glass.
 const ETA: f32 = 1.5;
 
-/// A narrow spot at the origin that shines along z, in fog so thin that nothing is scattered twice near the axis.
+/// A narrow spot at the origin shining along z, in fog so thin that nothing is scattered twice near the axis.
 fn beams_near_axis(glass: &str) -> Vec<PhotonBeam> {
     let toml = format!(
         r#"
@@ -56,7 +56,7 @@ cutoff_angle = 1.0
     beams
 }
 
-/// The distance behind a beam's start from which it seems to come, of all beams that start at about this z.
+/// The distance behind a beam's start from which it seems to come, for all beams that start near this z.
 fn apparent_distances(beams: &[PhotonBeam], z: f32) -> Vec<f32> {
     let starts_there = |beam: &&PhotonBeam| (beam.origin.z - z).abs() < 0.01;
     let apparent = |beam: &PhotonBeam| beam.radius / beam.radius_slope;
@@ -65,8 +65,8 @@ fn apparent_distances(beams: &[PhotonBeam], z: f32) -> Vec<f32> {
     distances
 }
 
-/// Fails unless 99 of 100 are within a hundredth of what is expected: the others were reflected to and fro within the
-/// glass.
+/// Fails unless 99 of 100 are within a hundredth of the expected value: the rest were reflected back and forth within
+/// the glass.
 fn check(what: &str, distances: &[f32], expected: f32) {
     let is_off = |distance: &&f32| (*distance / expected - 1.0).abs() > 0.01;
     let off = distances.iter().filter(is_off).count();
@@ -80,13 +80,13 @@ fn check(what: &str, distances: &[f32], expected: f32) {
 
 #[test]
 fn beams_through_a_pane() {
-    // From z = 1 to z = 1.6.
+    // The pane spans z = 1 to z = 1.6.
     let pane = r#"
 type = "cube"
 transform = [{ scale = [4.0, 4.0, 0.3] }, { translate = [0.0, 0.0, 1.3] }]
 "#;
     let beams = beams_near_axis(pane);
-    // At the apparent depth, n times as far from within and 1 / n as far seen from outside.
+    // The apparent depth is n times as large from within and 1 / n times as large from outside.
     let inside = ETA;
     check("in the pane", &apparent_distances(&beams, 1.0), inside);
     let outside = (inside + 0.6) / ETA;
@@ -96,7 +96,7 @@ transform = [{ scale = [4.0, 4.0, 0.3] }, { translate = [0.0, 0.0, 1.3] }]
 #[test]
 fn beams_through_a_ball() {
     const RADIUS: f32 = 0.5;
-    // From z = 0.1 to z = 1.1.
+    // The ball spans z = 0.1 to z = 1.1.
     let ball = r#"
 type = "sphere"
 center = [0, 0, 0.6]

@@ -1,6 +1,6 @@
-//! Gathering many beams: the bits depend neither on the vectors that a machine has nor on which segments look for beams
-//! together, and nothing that an estimate would count is passed over on the way. What segments share is what one of
-//! them gathers, and in the mean what all do.
+//! Gathering many beams: the bits depend neither on the machine's vector width nor on which segments look for beams
+//! together, and no beam that an estimate would count is skipped. Segments share what one of them gathers; in the mean
+//! that is what each gathers alone.
 
 use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::cpu::beam::PhotonBeam;
@@ -45,7 +45,7 @@ fn haze(phase: Phase) -> Medium {
     Medium::Heterogeneous(Heterogeneous::new([SIGMA_A, SIGMA_S], phase, estimator, bricks, map))
 }
 
-/// One for each instance of the code: one extinction or three, none to two lobes, constant or varying.
+/// One for each instance of the code: one extinction or three, none to two lobes, constant or varying density.
 fn media() -> Vec<Medium> {
     let blend = Phase::blend(0.3, [0.8, -0.4]);
     let grey = Rgb::splat(0.3);
@@ -55,7 +55,7 @@ fn media() -> Vec<Medium> {
         .collect()
 }
 
-/// Beams all over a cube around the camera; some narrow, some wide, some behind it, some along its axis.
+/// Beams all over a cube around the camera: some narrow, some wide, some behind it, some along its axis.
 fn beams(medium: &Medium, count: u64) -> BeamMap {
     let mut steps = StepFunctions::default();
     let beams = (0..count)
@@ -99,7 +99,7 @@ fn beams(medium: &Medium, count: u64) -> BeamMap {
     })
 }
 
-/// Rays of a camera, from one point or a lens, or in all directions, as behind rough glass.
+/// A camera's rays, from one point or a lens, or in all directions, as behind rough glass.
 fn segments(medium: &Medium, kind: u64) -> CameraSegments {
     const SIDE: usize = 24;
     let mut camera = CameraSegments::default();
@@ -173,7 +173,7 @@ fn every_kind_of_vectors_gives_the_same_bits() {
     }
 }
 
-/// Bundles of segments must find what each of them finds alone, and that must be what is there.
+/// A bundle of segments must find what each of its segments finds alone, and that must be all there is.
 #[test]
 fn no_beam_is_passed_over() {
     let medium = fog(Rgb::splat(0.1), Rgb::splat(0.4), Phase::Isotropic);
@@ -195,7 +195,7 @@ fn no_beam_is_passed_over() {
             gather.along(segments)
         };
         let together = along(&map, &camera.segments);
-        // Alone, a segment's bounds are the segment itself.
+        // A single segment's bounds are the segment itself.
         let alone: Vec<Rgb> = camera
             .segments
             .iter()
@@ -203,7 +203,7 @@ fn no_beam_is_passed_over() {
             .collect();
         assert_eq!(bits(&together.radiance), bits(&alone), "rays {kind}");
 
-        // Against the definition: every pair whose lines come within the radius between their ends.
+        // By definition: every pair whose lines come within the radius between their ends.
         let mut pairs = 0;
         for segment in &camera.segments {
             for beam in map.beams() {
@@ -217,7 +217,7 @@ fn no_beam_is_passed_over() {
     }
 }
 
-/// Rays through a square of pixels, in front of something that covers a half of them and hangs askew.
+/// Rays through a square of pixels, past a tilted object that covers half of them.
 fn picture(side: usize) -> Vec<CameraSegment> {
     let segment = |i: usize| {
         let mut sampler = Sampler::new(4, 0, Purpose::Test, i as u64);
@@ -241,8 +241,8 @@ fn picture(side: usize) -> Vec<CameraSegment> {
     (0..side * side).map(segment).collect()
 }
 
-/// Each segment is given what one near it gathers, for itself to the last bit; the sum over the picture is the same in
-/// the mean.
+/// Each segment is given what one near it gathers; its own contribution keeps its bits. The sum over the picture is the
+/// same in the mean.
 #[test]
 fn what_segments_share_is_what_one_of_them_gathers() {
     const SIDE: usize = 32;
@@ -303,8 +303,8 @@ fn what_segments_share_is_what_one_of_them_gathers() {
     suite.finish();
 }
 
-/// In double precision, by the nearest points of the two lines; for nearly parallel ones, by the nearest points of the
-/// segments.
+/// In double precision, from the nearest points of the two lines; for nearly parallel ones, from the nearest points of
+/// the segments.
 fn meets(beam: &PhotonBeam, segment: &CameraSegment) -> bool {
     let (p, b) = (beam.origin.as_dvec3(), beam.dir.as_dvec3());
     let (o, d) = (segment.ray.origin.as_dvec3(), segment.ray.dir.as_dvec3());

@@ -1,4 +1,4 @@
-//! Beams and photons by themselves: densities, kernels, what a radius and many passes do to them. Against formulas.
+//! Beams and photons alone, against formulas: densities, kernels, and how a radius and many passes change them.
 
 mod absorption;
 mod axis_rays;

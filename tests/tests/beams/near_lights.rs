@@ -3,7 +3,7 @@
 use beamfarm_harness::render::{average, scene};
 use std::f64::consts::PI;
 
-/// A floor seen from above through a narrow field of view at one point, at `distance` under a lamp.
+/// Radiance of one point of a floor at `distance` under a lamp, seen from above through a narrow field of view.
 fn radiance_under(lamp: &str, distance: f64) -> f64 {
     let toml = format!(
         r#"
@@ -43,7 +43,7 @@ fn floor_under_a_ball() {
         let lamp = "type = \"sphere\"\ncenter = [0.0, 0.0, DISTANCE]\nradius = 0.1";
         let expected = 0.01 / (distance * distance);
         let got = radiance_under(lamp, distance);
-        // 12800 light samples whose weight varies by less than their mean: 3 % are more than 3 standard errors.
+        // 12800 light samples whose weights vary by less than their mean: 3 % is more than 3 standard errors.
         assert!((got / expected - 1.0).abs() < 0.03, "{distance}: {got}");
     }
 }

@@ -1,8 +1,8 @@
 //! One beam against numerical integration.
 //!
-//! Parallel rays that cover a beam must see, added up over the area across them, just what its points scatter towards
-//! them: the integral along the beam of sigma_s f_p Tr Tr Phi. No kernel, angle or radius is in that integral, so it is
-//! independent of everything that the estimators do.
+//! Parallel rays that cover a beam must see, integrated over the area across them, just what its points scatter towards
+//! them: the integral along the beam of sigma_s f_p Tr Tr Phi. That integral contains no kernel, angle or radius, so it
+//! is independent of everything that the estimators do.
 
 use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::cpu::beam::PhotonBeam;
@@ -44,7 +44,7 @@ fn slanted_beam() -> PhotonBeam {
     }
 }
 
-/// A cloud around the beam, and thin fog about it. Its density varies little over the beam's width.
+/// A cloud around the beam, and thin fog around the cloud. Its density varies little over the beam's width.
 fn cloud(phase: Phase, estimator: Estimator) -> Medium {
     let recipe = Recipe {
         corners: [DVec3::splat(-3.0), DVec3::splat(4.0)],
@@ -76,7 +76,7 @@ fn cloud(phase: Phase, estimator: Estimator) -> Medium {
     ))
 }
 
-/// Radiance along rays, by way of the map: what a pass does.
+/// Radiance along rays, computed from the map as a pass does.
 fn radiance(map: &BeamMap, medium: &Medium, rays: &[Ray], length: f32, key: u64) -> Vec<Rgb> {
     let mut camera = CameraSegments::default();
     let mut sampler = Sampler::new(8, 0, Purpose::Test, key);
@@ -111,7 +111,7 @@ fn gather<'a>(map: &'a BeamMap, medium: &'a Medium, camera: &'a CameraSegments, 
     }
 }
 
-/// The beam's map. In a heterogeneous medium every number gives another estimate of the transmittance along it.
+/// The beam's map. In a heterogeneous medium every number gives another estimate of the transmittance along the beam.
 fn map_of(beam: &PhotonBeam, medium: &Medium, number: u64) -> BeamMap {
     let mut steps = StepFunctions::default();
     let mut sampler = Sampler::new(9, 0, Purpose::Test, number);
@@ -119,7 +119,7 @@ fn map_of(beam: &PhotonBeam, medium: &Medium, number: u64) -> BeamMap {
         origin: beam.origin,
         dir: beam.dir,
     };
-    // Not the first of the functions, so that numbers are looked at.
+    // Two of them, so that the second one's number matters.
     for _ in 0..2 {
         let _ = medium.segment(&ray, beam.length, &mut sampler, &mut steps);
     }
@@ -130,7 +130,8 @@ fn map_of(beam: &PhotonBeam, medium: &Medium, number: u64) -> BeamMap {
     })
 }
 
-/// Angles between beam and rays: ordinary ones, around the change of estimator, and down to nearly parallel, both ways.
+/// Angles between beam and rays: ordinary ones, some around the change of estimator, and some nearly parallel, both
+/// ways.
 const ANGLES: [f64; 14] = [
     1.2,
     0.5,
@@ -204,7 +205,7 @@ fn a_wall_of_rays_sees_what_the_beam_scatters_in_a_cloud() {
     suite.finish();
 }
 
-/// Transmittance at each of `n` distances of a ray, in the middles of equal steps, and density there.
+/// Transmittance at each of `n` distances along a ray, the midpoints of equal steps, and the density there.
 fn along(medium: &Medium, ray: &Ray, length: f64, n: usize) -> Vec<([f64; 3], f64)> {
     let mut depth = 0.0;
     let step = length / n as f64;
@@ -240,7 +241,7 @@ fn wall(beam: &PhotonBeam, medium: &Medium, angle: f64) -> ([MeanEstimate; 3], [
 
     let mut estimate = [(); 3].map(|_| MeanEstimate::new());
     for round in 0..ROUNDS {
-        // A jittered grid of rays: every round is one unbiased estimate of the integral over the wall.
+        // A jittered grid of rays: every round gives one unbiased estimate of the integral over the wall.
         let mut sampler = Sampler::new(7, angle.to_bits(), Purpose::Test, round);
         let (nx, ny) = (16, 4);
         let rays: Vec<Ray> = (0..nx * ny)
@@ -293,7 +294,7 @@ fn wall(beam: &PhotonBeam, medium: &Medium, angle: f64) -> ([MeanEstimate; 3], [
 
 #[test]
 fn the_estimate_along_one_ray_is_the_blurred_line() {
-    // The 1D kernel at one ray: sigma_s f_p Tr Tr Phi k(u) / sin theta, by hand.
+    // The 1D kernel at one ray, by hand: sigma_s f_p Tr Tr Phi k(u) / sin theta.
     let beam = PhotonBeam {
         origin: Vec3::new(-1.0, 0.0, 0.0),
         dir: Vec3::X,

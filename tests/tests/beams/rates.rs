@@ -1,5 +1,5 @@
-//! How fast the error falls, of boxes in which every wall has corners, creases and caustics: blur at edges that does
-//! not go away shows in it long before it shows in a mean.
+//! How fast the error falls in boxes where every wall has corners, creases and caustics. Blur at edges that does not go
+//! away shows here long before it shows in a mean.
 
 use beamfarm_harness::render::{reference_images, scene};
 use beamfarm_image::film::Film;
@@ -9,17 +9,17 @@ use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
 const SIDE: usize = 24;
-/// Pixels along the side of the tiles that the error of the exponent is estimated from.
+/// Side in pixels of the tiles from which the exponent's error is estimated.
 const TILE: usize = 8;
 const PASSES: [u64; 2] = [16, 256];
 /// Independent renders of the first number of passes.
 const RENDERS: u64 = 4;
-/// The mean square error is to fall at least as this power of the number of passes.
+/// The mean square error must fall at least as fast as this power of the number of passes.
 const EXPONENT: f64 = 0.6;
-/// Standard errors: 1 % of right renderers would be called wrong, if their exponents were just this.
+/// Standard errors: 1 % of right renderers with exactly this exponent would be called wrong.
 const QUANTILE: f64 = 2.326;
 
-/// A box that is open to the camera, with a round lamp in it. `things`: what else is there.
+/// A box open to the camera, with a round lamp in it. `things`: what else it contains.
 fn open_box(things: &str) -> Scene {
     let wall = |material: &str, turn: &str| {
         format!("[[shapes]]\ntype = \"rectangle\"\nmaterial = \"{material}\"\ntransform = [{turn}]\n")
@@ -68,7 +68,7 @@ emission = {{ power = [20, 16, 10] }}
     ))
 }
 
-/// Mean and variance of the mean.
+/// Mean, and variance of the mean.
 #[derive(Clone, Copy, Default)]
 struct Truth {
     mean: f64,
@@ -112,7 +112,7 @@ fn average(scene: &Scene, seed: u64, passes: u64) -> Film {
     mean
 }
 
-/// Relative square error by tile, less that of the truth.
+/// Squared error by tile, less that of the truth.
 fn errors(film: &Film, truth: &[Truth]) -> Vec<f64> {
     let floor = truth.iter().map(|t| t.mean).sum::<f64>() / truth.len() as f64;
     let columns = SIDE / TILE;
@@ -126,7 +126,7 @@ fn errors(film: &Film, truth: &[Truth]) -> Vec<f64> {
     tiles
 }
 
-/// The exponent between the two numbers of passes, and its standard error, by leaving out one tile after the other
+/// The exponent between the two numbers of passes, and its standard error from leaving out one tile after another
 /// (Tukey 1958).
 fn exponent([few, many]: [&[f64]; 2]) -> [f64; 2] {
     let ratio = PASSES[1] as f64 / PASSES[0] as f64;

@@ -1,4 +1,4 @@
-//! Pictures do not depend on the unit of length, nor on what is far away and not seen.
+//! Pictures do not depend on the unit of length, nor on what is far away and unseen.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, blur, scene};
@@ -94,7 +94,7 @@ transform = [{{ scale = {lamp} }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }
     ))
 }
 
-/// Two pictures are the same, and sharp enough to tell.
+/// Two pictures are the same, with little enough noise to tell.
 fn same(what: &str, a: &Blocks, b: &Blocks, suite: &mut Suite) {
     suite.same_blocks(what, a, b, 0.0);
     assert!(a.noise(b) < 0.01 * blur(), "{what}: {}", a.noise(b));

@@ -16,7 +16,7 @@ fn point_light_in_fog_is_the_integral_along_the_ray() {
     let render = "render = { passes = 200, paths = 4000, seed = 11 }\n";
     let toml = format!("{render}{}", FOG.scene());
     let image = average(&scene(&toml));
-    // Blocks of 4 x 4 pixels: the light itself is a singularity that kernels blur, so the blocks around it are left
+    // Blocks of 4 x 4 pixels. The light itself is a singularity that kernels blur, so the blocks around it are left
     // out.
     let mut worst = 0.0f64;
     for by in 0..SIZE / 4 {
@@ -37,7 +37,7 @@ fn point_light_in_fog_is_the_integral_along_the_ray() {
                 continue;
             }
             for c in 0..3 {
-                // Neighbouring pixels see the same beams, so the block's error may be as large as a pixel's. Five
+                // Neighbouring pixels see the same beams, so a block's error may be as large as a pixel's. Five
                 // standard errors, 1e-3 for light scattered twice, and 5e-3 for the blur of kernels.
                 let bound = 5.0 * variance[c].sqrt() + 6e-3 * expected[c];
                 let off = (got[c] - expected[c]).abs();

@@ -15,7 +15,7 @@ use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp::uniform_sphere;
 use beamfarm_render::world::Scene;
 
-/// A lamp beside a tile, in fog without an end.
+/// A lamp next to a tile, in endless fog.
 fn open_fog(camera: &str, more: &str) -> Scene {
     let fov = match camera.contains("view_width") {
         true => "projection = \"orthographic\"",
@@ -66,7 +66,7 @@ fn plan_of(scene: &Scene) -> RenderPlan {
 
 const GLASS: &str = "[[shapes]]\ntype = \"sphere\"\nmaterial = \"glass\"\nradius = 0.2\n";
 
-/// Whatever comes near a camera ray is in the view, and most of the rest is not.
+/// Everything near a camera ray is in view, and most of the rest is not.
 #[test]
 fn what_camera_rays_come_near_is_in_view() {
     for lens in [
@@ -113,7 +113,7 @@ fn what_camera_rays_come_near_is_in_view() {
     }
 }
 
-/// Where camera paths may be turned they may be anywhere.
+/// Where something may turn camera paths, they may go anywhere.
 #[test]
 fn all_is_in_view_of_what_turns_paths() {
     let at = |z: f32| open_fog("", &format!("{GLASS}center = [0.0, 0.0, {z}]\n"));
@@ -122,7 +122,7 @@ fn all_is_in_view_of_what_turns_paths() {
     assert!(Frustum::of(&at(9.0)).is_some());
 }
 
-/// Beams that are left out add nothing: the mean of a picture is the same, with fewer of them.
+/// Beams that are left out add nothing: the picture has the same mean with fewer of them.
 #[test]
 fn beams_out_of_view_do_not_matter() {
     let scene = open_fog("aperture = 0.1\nfocus_distance = 3.0", "");
@@ -130,7 +130,7 @@ fn beams_out_of_view_do_not_matter() {
     assert!(some.view.is_some());
     let mut all = some.clone();
     all.view = None;
-    // Photons and camera paths are the same, random points of chords are not.
+    // Photons and camera paths are the same; random points of chords are not.
     let mut difference = MeanEstimate::new();
     let mut stored = [0, 0];
     for pass in 0..200 {
@@ -148,7 +148,7 @@ fn beams_out_of_view_do_not_matter() {
     suite.finish();
 }
 
-/// All that is emitted is absorbed by the fog, although photons far away end by chance.
+/// The fog absorbs all that is emitted, although photons far away end by chance.
 #[test]
 fn what_flies_away_is_not_lost() {
     let scene = open_fog("", "");
@@ -172,7 +172,7 @@ fn what_flies_away_is_not_lost() {
             total[c].add(scattered);
         }
     }
-    // Light straight from the lamp leaves no beams: those have what was scattered once, twice, ... n times.
+    // Light straight from the lamp leaves no beams: the beams hold what was scattered once, twice, ... n times.
     let mut suite = Suite::new(1e-3);
     for (c, power) in [10.0, 20.0, 30.0].into_iter().enumerate() {
         let albedo = f64::from(albedo[c]);

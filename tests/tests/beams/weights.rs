@@ -1,5 +1,5 @@
-//! No path grows heavy, however often it is scattered: slabs and sheets from thin to dense, with colours that light
-//! dies in and others that it does not.
+//! No path grows heavy however often it is scattered: slabs and sheets from thin to dense, with colours in which light
+//! dies and others in which it does not.
 
 use beamfarm_harness::render::scene;
 use beamfarm_render::cpu::beam::trace::trace_photons;
@@ -10,12 +10,12 @@ use beamfarm_render::world::Scene;
 
 const DEPTHS: [f64; 4] = [1e-3, 1.0, 30.0, 1e3];
 const ALBEDOS: [&str; 4] = ["1.0", "[1.0, 0.0, 0.5]", "[0.98, 0.5, 0.01]", "[0.0, 0.9999, 0.0]"];
-/// Extinction of the channels beside the given one.
+/// Extinctions of the three channels, relative to the given one.
 const COLOURS: [[f64; 3]; 3] = [[1.0, 1.0, 1.0], [1.0, 0.01, 3.0], [0.1, 1.0, 0.01]];
 /// Half the slab's thickness over half its sides.
 const THICKNESSES: [f64; 2] = [1.0, 1e-2];
 
-/// A slab of a medium of this optical depth, in something that shines.
+/// A slab of a medium of this optical depth, in surroundings that shine.
 fn slabs(render: &str, light: &str) -> impl Iterator<Item = (String, Scene)> {
     let all = THICKNESSES.into_iter().flat_map(|thickness| {
         let depths = DEPTHS.into_iter().flat_map(move |depth| {
@@ -29,7 +29,7 @@ fn slabs(render: &str, light: &str) -> impl Iterator<Item = (String, Scene)> {
                 .into_iter()
                 .zip(ALBEDOS.into_iter().cycle().skip((thickness * 7.0) as usize))
                 .map(move |(g, albedo)| {
-                    // Of more than 1,024 scatterings, from which on paths do grow heavier, hardly a path comes back.
+                    // After more than 1,024 scatterings paths do grow heavier, but hardly any comes back.
                     let albedo = match depth > 100.0 {
                         true => albedo.replace("1.0", "0.99").replace("0.9999", "0.99"),
                         false => albedo.to_owned(),
@@ -72,8 +72,8 @@ transform = [{{ scale = [1.0, 1.0, {thickness}] }}]
     })
 }
 
-/// In an even sky of radiance 1 nothing is brighter, and no sample by more than what many scatterings near a face may
-/// bring, each of them half of the light at most.
+/// In an even sky of radiance 1 nothing is brighter, and no sample exceeds it by more than many scatterings near a face
+/// may add, each of them at most half of the light.
 #[test]
 fn camera_paths_stay_light() {
     let sky = "[[lights]]\ntype = \"environment\"\nradiance = 1.0";
@@ -103,8 +103,8 @@ fn camera_paths_stay_light() {
     }
 }
 
-/// Photons' flux is that of the light divided among them: a channel has at most the sum of all three, and a beam the
-/// reciprocal of the share of its kernel that lies in the medium as a factor.
+/// Photons share the light's flux: a channel has at most the sum of all three, and a beam at most that times the
+/// reciprocal of the share of its kernel that lies in the medium.
 #[test]
 fn photons_stay_light() {
     let lamp = "[[shapes]]\ntype = \"sphere\"\ncenter = [0.0, 2.0, 1.5]\nradius = 0.5\nemission = { power = 1.0 }";

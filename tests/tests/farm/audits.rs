@@ -20,8 +20,8 @@ fn expected(passes: u64) -> Average {
     sum.average().unwrap()
 }
 
-/// Deliver whatever is leased until the job is over or the coordinator wants nothing more. A liar's pictures differ
-/// from what they should be in the last bit of one pixel, in a block out of `lies`.
+/// Delivers whatever is leased until the job is over or the coordinator wants nothing more. A liar's pictures are wrong
+/// in the last bit of one pixel, in one block of `lies`.
 async fn work(worker: Arc<RawWorker>, lies: Option<u64>) -> Result<(), Status> {
     let _attendance = worker.attend().await;
     let mut count = 0;
@@ -33,7 +33,7 @@ async fn work(worker: Arc<RawWorker>, lies: Option<u64>) -> Result<(), Status> {
         };
         let mut node = node(block);
         if lies.is_some_and(|lies| count % lies == 0) {
-            // Of two liars each lies in its own way: the pixels of two that agree would count.
+            // Two liars lie differently: pixels on which two workers agree would count.
             let place = 8 * count + worker.number % 8;
             let place = place as usize % node.sum.pixels.len();
             let pixel = &mut node.sum.pixels[place];
@@ -46,7 +46,7 @@ async fn work(worker: Arc<RawWorker>, lies: Option<u64>) -> Result<(), Status> {
     }
 }
 
-/// The longest that a worker is kept waiting is longer here than the test may take.
+/// Here a worker may be kept waiting for longer than the test may take.
 #[tokio::test]
 async fn a_worker_that_waits_is_told_of_a_check_at_once() {
     let mut spec = spec(1);
@@ -65,7 +65,7 @@ async fn a_worker_that_waits_is_told_of_a_check_at_once() {
         let second = second.clone();
         async move { second.lease().await }
     });
-    // Its question has come, so there was no answer to it yet, and before the delivery there is none.
+    // It has asked and had no answer yet, and before the delivery there is none.
     let has_asked = |progress: &Progress| {
         let mut workers = progress.workers_seen.iter();
         let view = workers.find(|view| view.id.0 == second.number)?;
@@ -112,7 +112,7 @@ async fn liar_among(honest: usize, lies: u64) {
     let events = coordinator.farm.events(0);
     assert!(events.iter().any(|event| event.kind == EventKind::Divergent));
     assert!(events.iter().any(|event| event.kind == EventKind::ShutOut));
-    // Nor does it come back.
+    // Nor may it come back.
     let mut farm = coordinator.connect().await;
     let again = wire::RegisterRequest {
         protocol: beamfarm_proto::PROTOCOL,
@@ -126,8 +126,8 @@ async fn liar_among(honest: usize, lies: u64) {
     assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
 }
 
-/// A liar takes the names of honest workers: it is itself that is shut out, whatever it calls itself next, and they are
-/// taken in again. What has no identity is nobody.
+/// A liar takes the names of honest workers. It is shut out under any name, and they are accepted again. A worker
+/// without an identity is refused.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn nobody_is_shut_out_for_what_others_do_in_his_name() {
     let mut spec = spec(PASSES);
@@ -176,7 +176,7 @@ async fn a_worker_that_always_lies_is_found() {
     liar_among(2, 1).await;
 }
 
-/// As people run it: few passes, and one block in 64 that is checked by lot.
+/// As users run it: few passes, and a random one block in 64 is checked.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn liars_spoil_no_short_job() {
     const SHORT: u64 = 16;
@@ -223,7 +223,7 @@ async fn a_machine_with_other_bits_does_not_get_in() {
     assert!(events.iter().any(|event| event.text.contains("second")));
 }
 
-/// A worker that lies only after its first blocks, when hardly anything of it is checked, and lies so that it shows.
+/// A worker that lies only after its first blocks, when it is hardly checked any more, and so that it shows.
 #[tokio::test]
 async fn passes_that_look_unlike_others_are_checked_at_once() {
     for lie in 0..4 {

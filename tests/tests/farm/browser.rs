@@ -1,4 +1,4 @@
-//! The page in a browser that people have: Chromium without a window, over its DevTools protocol.
+//! The page in a real browser: headless Chromium over its DevTools protocol.
 
 use crate::farm::harness::{Coordinator, RawWorker, film, free_port, leaf, spec};
 use beamfarm_coordinator::Timing;
@@ -82,7 +82,7 @@ async fn the_image_changes_and_the_numbers_move() {
 
     page.wait_for("document.querySelectorAll('#workers .rates polyline').length === 1");
 
-    // The wheel zooms to what is under it, and the pixel there says what it holds.
+    // The wheel zooms to the point under it, and the page shows the value of the pixel there.
     page.mouse("mouseMoved", 0.0);
     page.wait_for("/Pixel [0-9]+, [0-9]+: .* ± /.test(document.getElementById('value').innerText)");
     let place = |page: &mut Browser| page.evaluate("document.getElementById('value').innerText.split(':')[0]");
@@ -92,10 +92,10 @@ async fn the_image_changes_and_the_numbers_move() {
     page.mouse("mouseMoved", 0.0);
     assert_eq!(place(&mut page), before);
 
-    // A picture that is held stays beside those that come.
+    // A held picture stays next to those that come.
     page.evaluate("document.getElementById('hold').click()");
     page.wait_for("document.getElementById('held').naturalWidth === 40");
-    // And the job obeys.
+    // The job obeys the page.
     page.evaluate("document.getElementById('pause').click()");
     page.wait_for(&state("Paused"));
     page.evaluate("document.getElementById('resume').click()");
@@ -116,7 +116,7 @@ async fn the_image_changes_and_the_numbers_move() {
     assert_eq!(page.wrongs(), json!([]));
 }
 
-/// The link that `render` prints: its token stands where no server and no log sees it.
+/// The link that `render` prints: its token stands where it reaches neither server nor log.
 #[tokio::test(flavor = "multi_thread")]
 #[cfg_attr(not(has_chromium), ignore = "no Chromium when this was built")]
 async fn a_link_opens_the_page() {
@@ -133,15 +133,14 @@ async fn a_link_opens_the_page() {
     page.wait_for("document.body?.innerText.includes('opens nothing any more') ?? false");
     let mut page = Browser::open(&format!("{url}/enter#{TOKEN}"));
     page.wait_for("document.getElementById('state')?.innerText.includes('0 of 6 passes') ?? false");
-    // What belongs to it comes as well, the news among it.
+    // Everything else arrives as well, including the pause.
     coordinator.farm.pause(true);
     page.wait_for("document.getElementById('state').innerText.includes('Paused')");
     assert_eq!(page.evaluate("location.href"), json!(format!("{url}/")));
     assert_eq!(page.wrongs(), json!([]));
 }
 
-/// Text and what it stands on, and how far their brightness differs, where that is less than people need (WCAG 2.2,
-/// 1.4.3).
+/// Text whose contrast with its background is below what people need, and the contrast (WCAG 2.2, 1.4.3).
 const PALE: &str = "(() => {
     const parse = (text) => (text.match(/[0-9.]+/g) ?? []).map(Number);
     const luminance = ([r, g, b]) => [r, g, b]
@@ -168,12 +167,12 @@ const PALE: &str = "(() => {
     return found;
 })()";
 
-/// Controls that a finger misses, on a phone.
+/// Controls that are too small for a finger, on a phone.
 const SMALL: &str = "[...document.querySelectorAll('button, select, input')]
     .map((element) => [element.id || element.textContent, element.getBoundingClientRect().height])
     .filter(([, height]) => height > 0 && height < 44)";
 
-/// Parts of text that are too small to read.
+/// Text that is too small to read.
 const TINY: &str = "[...document.querySelectorAll('svg text')]
     .map((text) => text.getScreenCTM().a * parseFloat(getComputedStyle(text).fontSize))
     .filter((size) => size > 0 && size < 10.5)";
@@ -208,8 +207,8 @@ async fn everybody_can_read_it() {
     assert_eq!(page.wrongs(), json!([]));
 }
 
-/// Pictures of the page of a job that runs at BEAMFARM_URL, for docs/manual.md and to be looked at: light, dark, as on
-/// a phone, and without scripts, into the folder that BEAMFARM_SCREENSHOTS names. Run it with `--ignored`.
+/// Screenshots of the page of the job running at BEAMFARM_URL, for docs/manual.md and for inspection: light, dark, as
+/// on a phone, and without scripts, into the folder BEAMFARM_SCREENSHOTS. Run it with `--ignored`.
 #[tokio::test(flavor = "multi_thread")]
 #[ignore = "for the picture in docs/manual.md"]
 async fn the_page_in_pictures() {

@@ -1,4 +1,4 @@
-//! The calls beside submissions: who gets in, and what becomes of passes whose worker is gone.
+//! All calls except submissions: who is let in, and what happens to the passes of a lost worker.
 
 use crate::farm::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec, within};
 use beamfarm_coordinator::{End, Timing};
@@ -43,7 +43,7 @@ async fn another_scene_and_strangers_get_no_lease() {
 #[tokio::test]
 async fn large_files_arrive_whole_and_unknown_ones_are_refused() {
     let mut spec = spec(1);
-    // More than a message may hold, and no multiple of a chunk.
+    // More than a message may hold, and no multiple of a chunk's size.
     let large: Vec<u8> = (0..5_000_001u32).map(|i| (i % 251) as u8).collect();
     spec.bundle.files.insert("large.bin".into(), large.clone());
     spec.bundle.files.insert("empty.bin".into(), Vec::new());
@@ -66,7 +66,7 @@ async fn large_files_arrive_whole_and_unknown_ones_are_refused() {
     }
 }
 
-/// More files, with longer paths, than a message holds unless it is told to.
+/// More files, with longer paths, than a message holds by default.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn scenes_may_have_many_files() {
     let mut spec = spec(1);
@@ -106,7 +106,7 @@ async fn a_silent_worker_loses_its_pass() {
     let leased = silent.lease().await;
     let again = other.lease().await;
     assert_eq!(again.1, leased.1);
-    // It was not dead but slow. Both results are welcome, the second although it comes after the end.
+    // It was slow, not dead. Both results are welcome, the second even after the job's end.
     assert!(!silent.deliver(leased).await.unwrap().duplicate);
     assert!(other.deliver(again).await.unwrap().duplicate);
     assert_eq!(coordinator.ended().await, End::Complete);
@@ -223,8 +223,7 @@ async fn a_pass_that_cannot_be_rendered_ends_the_job_before_it() {
     assert_eq!(coordinator.farm.progress().failures, 3);
 }
 
-/// Numbers of workers are for people, and leases are counted as well: whoever knows both can do nothing in another's
-/// name.
+/// A worker's number is public, and leases are counted as well: knowing both lets nobody act in another's name.
 #[tokio::test]
 async fn nobody_speaks_for_another() {
     let coordinator = Coordinator::start(spec(2)).await;
@@ -261,7 +260,7 @@ async fn nobody_speaks_for_another() {
             assert_eq!(answer.unwrap_err().code(), Code::NotFound, "{key}");
         }
     }
-    // Under its own name it has no such lease.
+    // Under its own name it holds no such lease.
     let status = thief.deliver((lease, block)).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
     let status = farm.fail(fail(thief.id)).await.unwrap_err();

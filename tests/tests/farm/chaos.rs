@@ -1,11 +1,11 @@
 //! Rounds of misfortune, each of which ends with the bits of an undisturbed run.
 //!
-//! Two workers are processes of their own (this very test, started again), behind a proxy that delays, cuts and damages
-//! connections. They are killed, stopped and continued at random times. A third one sends damaged, cut, stale and
-//! doubled blocks. In every other round the coordinator goes away without a word and another one takes its place, with
+//! Two workers are separate processes (this test, started again) behind a proxy that delays, cuts and damages
+//! connections. They are killed, stopped and continued at random times. A third one sends damaged, truncated, stale and
+//! duplicate blocks. In every other round the coordinator dies without notice and another one takes its place, with
 //! nothing or with what a checkpoint held.
 //!
-//! `BEAMFARM_CHAOS_ROUNDS=1000` makes it a long one; `BEAMFARM_CHAOS_SEED=17` repeats the round of that number.
+//! `BEAMFARM_CHAOS_ROUNDS=1000` makes it a long test; `BEAMFARM_CHAOS_SEED=17` repeats the round of that number.
 
 use crate::farm::harness::{Coordinator, LONG, RawWorker, SCENE, free_port, settings, spec};
 use beamfarm_coordinator::{DoneBlock, End, Start, Timing};
@@ -32,7 +32,7 @@ const PASSES: u64 = 40;
 const URL: &str = "BEAMFARM_CHAOS_URL";
 const NAME: &str = "BEAMFARM_CHAOS_NAME";
 
-/// Numbers of one round and one purpose.
+/// Random numbers for one purpose in one round.
 struct Dice(Sampler);
 
 impl Dice {
@@ -47,7 +47,7 @@ impl Dice {
     }
 }
 
-/// A worker in a process of its own, when this is one.
+/// A worker, if this process was started as one.
 #[tokio::test(flavor = "multi_thread", worker_threads = 1)]
 async fn worker_process() {
     let Ok(url) = std::env::var(URL) else {
@@ -121,13 +121,13 @@ impl Drop for Process {
     }
 }
 
-/// What becomes of a connection.
+/// What happens to a connection.
 #[derive(Clone, Copy)]
 enum Fate {
     Fine,
     Slow,
     Cut(u64),
-    /// A bit of what the worker sends changes.
+    /// A bit of the worker's data flips.
     Damaged(u64),
 }
 
@@ -224,7 +224,7 @@ impl Truth {
     }
 }
 
-/// Asks for blocks, and then does the wrong thing. Ends with its connection.
+/// Asks for blocks, and does the wrong thing with them. Ends with its connection.
 async fn mischief(coordinator: Arc<Coordinator>, truth: Arc<Truth>, round: u64) {
     let mut dice = Dice::new(round, 2);
     let mut kept: Vec<(LeaseId, Block)> = Vec::new();
@@ -235,7 +235,7 @@ async fn mischief(coordinator: Arc<Coordinator>, truth: Arc<Truth>, round: u64) 
             Ok(Grant::NotNow) => continue,
             Ok(Grant::Done | Grant::Elsewhere) => return,
             Err(status) if status.code() == tonic::Code::PermissionDenied => {
-                // Shut out for rubbish: as a new one.
+                // Shut out for rubbish: it comes back as a new one.
                 kept.clear();
                 worker = RawWorker::named(&coordinator, "mischief").await;
                 continue;
@@ -250,7 +250,7 @@ async fn mischief(coordinator: Arc<Coordinator>, truth: Arc<Truth>, round: u64) 
                 let _ = worker.submit(leased, good).await;
             }
             1 => {
-                // Damaged, under the hash that it should have.
+                // Damaged, under the hash of the good one.
                 let header = worker.header(leased, &good);
                 let at = good.len() - 1 - dice.below(1000) as usize;
                 good[at] ^= 4;
@@ -264,7 +264,7 @@ async fn mischief(coordinator: Arc<Coordinator>, truth: Arc<Truth>, round: u64) 
             }
             3 => kept.push(leased),
             4 if !kept.is_empty() => {
-                // One of long ago.
+                // One from long ago.
                 kept.push(leased);
                 let stale = kept.swap_remove(dice.below(kept.len() as u64) as usize);
                 let _ = worker.submit(stale, bytes(stale.1)).await;
@@ -281,7 +281,7 @@ async fn mischief(coordinator: Arc<Coordinator>, truth: Arc<Truth>, round: u64) 
     }
 }
 
-/// What a checkpoint of this moment would bring back.
+/// What a checkpoint taken now would restore.
 fn checkpoint(coordinator: &Coordinator) -> Start {
     let sum = coordinator.farm.snapshot().sum;
     let done = coordinator.farm.blocks().into_iter().filter_map(|done| {
@@ -317,7 +317,7 @@ async fn round(truth: &Arc<Truth>, round: u64) {
     let proxy = tokio::spawn(proxy(gate, coordinator.address, round, cut.clone()));
     let mut processes: Vec<Process> = (0..2).map(|i| Process::start(&url, &format!("process {i}"))).collect();
     let mut imp = tokio::spawn(mischief(coordinator.clone(), truth.clone(), round));
-    // After this many acts of violence, if at all.
+    // The number of attacks after which the coordinator dies, if it does.
     let mut restart = round.is_multiple_of(2).then(|| 2 + dice.below(6));
     let begun = std::time::Instant::now();
     for act in 0.. {

@@ -1,4 +1,4 @@
-//! Workers with devices: who gets passes of which job, what is said of the others, and devices that compute other bits.
+//! Workers with devices: who gets passes of which job, what the others are told, and devices that compute other bits.
 
 use crate::farm::harness::{Coordinator, RawWorker, canary, free_port, leaf, spec, start_worker_offering};
 use beamfarm_coordinator::{End, EventKind, JobSpec, Timing, WorkerState};
@@ -54,7 +54,7 @@ async fn passes_go_only_to_those_that_offer_the_jobs_engine() {
             "the job is for the engine gpu, which this worker does not offer: no Vulkan device was found"
         );
     }
-    // What it is that somebody offers need not be known here.
+    // An offer may be of an engine that is unknown here.
     let unknown = wire::Offer {
         gpu_bits: 999,
         ..card(Some(1))
@@ -80,13 +80,13 @@ async fn passes_go_only_to_those_that_offer_the_jobs_engine() {
     let events = coordinator.farm.events(0);
     assert!(events.iter().any(|event| event.kind == EventKind::Unable));
 
-    // Both are offered, and the job's is what counts: there is no test picture, as nothing is checked.
+    // Both are offered, and the job's engine decides. Nothing is checked, so there is no test picture.
     let offers = [processors(), vec![card(None)]].concat();
     let (worker, untested) = RawWorker::offering(&coordinator, "node", offers, Vec::new())
         .await
         .unwrap();
     assert!(!untested);
-    // Who came without it may come with it.
+    // Who came without one may come back with one.
     let with = RawWorker::offering(&coordinator, "desk", vec![card(None)], Vec::new()).await;
     assert!(with.is_ok());
     let unable = coordinator.farm.progress().unable;
@@ -107,7 +107,7 @@ async fn passes_go_only_to_those_that_offer_the_jobs_engine() {
     RawWorker::named(&coordinator, "desk").await;
 }
 
-/// It takes long to render by a device, and so it is not rendered where it is of no use.
+/// A device takes long to render it, so it is not asked for where it is not needed.
 #[tokio::test]
 async fn a_test_picture_is_asked_for_where_it_is_looked_at() {
     let mut spec = spec_for(EngineKind::Gpu, 4);
@@ -133,7 +133,7 @@ async fn a_test_picture_is_asked_for_where_it_is_looked_at() {
     assert!(refused.message().contains("other bits"), "{refused}");
 }
 
-/// Of camera paths alone, like the test picture: kernels are compiled once for both.
+/// Camera paths only, as in the test picture, so that the kernels are compiled once for both.
 const BALL: &str = "
     image = { width = 24, height = 16 }
     render = { passes = 6, paths = 1, targeting = \"off\" }
@@ -143,7 +143,7 @@ const BALL: &str = "
     [materials.grey]
     type = \"diffuse\"";
 
-/// What a card returns that is too hot: what it should be, but for a bit of one pass.
+/// What an overheated card returns: the right picture with one bit of one pass flipped.
 fn with_a_flipped_bit(engine: &Engine, pass_index: u64) -> Node {
     let image = engine.pass(pass_index).unwrap();
     let mut film = image.film;
@@ -153,7 +153,7 @@ fn with_a_flipped_bit(engine: &Engine, pass_index: u64) -> Node {
     leaf(pass_index, film).with_radius_scale(image.radius_scale)
 }
 
-/// Passes of a device in software; one of three workers has a card that computes wrong bits.
+/// Passes of a software device; one of three workers has a card that computes wrong bits.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_card_that_computes_wrong_bits_is_shut_out() {
     let offered = match tokio::task::spawn_blocking(|| Offered::device("")).await.unwrap() {
@@ -182,7 +182,7 @@ async fn a_card_that_computes_wrong_bits_is_shut_out() {
         audit_every: 1,
         ..spec(6)
     };
-    // The same device for all of them: each bit of the others is right.
+    // All share one device, so each bit of the others is right.
     let engines = offered.engines.clone();
     let engine = tokio::task::spawn_blocking(move || engines.engine(Arc::new(Planned { scene, plan })));
     let engine = Arc::new(engine.await.unwrap().unwrap());
@@ -221,10 +221,10 @@ async fn a_card_that_computes_wrong_bits_is_shut_out() {
     assert!(view("one").audits_failed + view("other").audits_failed == 0);
     let refused = hot.grant().await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
-    // Nor does it come back by the name that it has.
+    // Nor may it come back under its name.
     let back = RawWorker::offering(&coordinator, "hot", vec![offer], Vec::new()).await;
     assert_eq!(back.err().map(|status| status.code()), Some(Code::PermissionDenied));
-    // What counts are the bits that the device renders.
+    // Only the bits that the device renders count.
     for done in coordinator.farm.blocks() {
         let block = done.block;
         assert_eq!(block.level, 0);

@@ -68,13 +68,13 @@ power = 100.0
 pub const WIDTH: u32 = 40;
 pub const HEIGHT: u32 = 30;
 
-/// Nothing in these tests takes this long. Where it is the length of a lease, only a broken connection can end one.
+/// Nothing in these tests takes this long. As the length of a lease it means that only a broken connection can end one.
 pub const LONG: Duration = Duration::from_secs(3600);
 
-/// Waiting for something that must happen, on a machine that is busy.
+/// How long to wait for something that must happen, on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
-/// What comes of it. Failing is better than waiting forever.
+/// Its result. Failing is better than waiting for ever.
 pub async fn within<T>(what: &str, awaited: impl Future<Output = T>) -> T {
     match timeout(PATIENCE, awaited).await {
         Ok(result) => result,
@@ -124,18 +124,18 @@ pub struct Coordinator {
     pub farm: Arc<Farm>,
     pub watch: Arc<Watch>,
     pub address: SocketAddr,
-    /// The server does not close when the job is over.
+    /// Keeps the server open when the job is over.
     staying: watch::Sender<bool>,
     pub machine: Machine,
 }
 
-/// All of a server: when it goes, connections break without a farewell, as when a process is killed.
+/// Everything that a server runs. When it is dropped, connections break without notice, as when a process is killed.
 pub struct Machine {
     runtime: Option<Runtime>,
     name: String,
 }
 
-/// What panicked in threads of machines, by the machine's name.
+/// Messages of panics in threads of machines, by the machine's name.
 static PANICS: Mutex<Vec<(String, String)>> = Mutex::new(Vec::new());
 
 impl Machine {
@@ -169,7 +169,7 @@ impl Machine {
         self.runtime.as_ref().unwrap().spawn(task)
     }
 
-    /// What its tasks said that panicked.
+    /// Messages of its tasks that panicked.
     pub fn panics(&self) -> Vec<String> {
         let panics = PANICS.lock().unwrap_or_else(PoisonError::into_inner);
         let own = panics.iter().filter(|(name, _)| *name == self.name);
@@ -241,18 +241,18 @@ impl Coordinator {
         }
     }
 
-    /// A coordinator that begins with what another one left.
+    /// A coordinator that resumes what another one left.
     pub async fn resume_on(listener: std::net::TcpListener, spec: JobSpec, timing: Timing, start: Start) -> Self {
         let doors = (Security::default(), Limits::default());
         Self::start_with(listener, spec, timing, doors, start).await
     }
 
-    /// Go on answering after the job's end, until dropped.
+    /// Keeps answering after the job's end, until dropped.
     pub fn stay(&self) {
         self.staying.send_replace(true);
     }
 
-    /// How the job ends; where it stands, if it does not.
+    /// How the job ends; panics with its state if it does not.
     pub async fn ended(&self) -> End {
         match timeout(PATIENCE, self.farm.ended()).await {
             Ok(end) => end,
@@ -260,7 +260,7 @@ impl Coordinator {
         }
     }
 
-    /// Wait until there is something to be found in the job's progress; say where it stands, if there never is.
+    /// Waits until the job's progress satisfies `find`; panics with its state if it never does.
     pub async fn shows<T>(&self, what: &str, find: impl Fn(&Progress) -> Option<T>) -> T {
         let begun = Instant::now();
         loop {
@@ -285,7 +285,7 @@ impl Coordinator {
         format!("http://{}", self.address)
     }
 
-    /// Start a worker of the library.
+    /// Starts a worker of the library.
     pub fn worker(&self, threads: usize) -> WorkerHandle {
         start_worker(self.url(), threads, LONG)
     }
@@ -318,7 +318,7 @@ pub fn start_worker_with(url: String, threads: usize, patience: Duration, grace:
     })
 }
 
-/// A worker that renders so many blocks at the same time.
+/// A worker that renders this many blocks at the same time.
 pub fn start_worker_with_lanes(url: String, threads: usize, at_once: usize) -> WorkerHandle {
     start(beamfarm_worker::Config {
         threads,
@@ -327,7 +327,7 @@ pub fn start_worker_with_lanes(url: String, threads: usize, at_once: usize) -> W
     })
 }
 
-/// A worker of one thread that shows these.
+/// A worker of one thread with these credentials.
 pub fn start_worker_with_credentials(url: String, credentials: Credentials) -> WorkerHandle {
     start(beamfarm_worker::Config {
         credentials,
@@ -349,7 +349,7 @@ fn config(url: String) -> beamfarm_worker::Config {
     }
 }
 
-/// A worker of this name that renders by these engines.
+/// A worker of this name that renders with these engines.
 pub fn start_worker_offering(url: String, name: &str, offered: Offered) -> WorkerHandle {
     let name = name.into();
     start_offering(
@@ -380,16 +380,16 @@ pub struct RawWorker {
     /// Its number in logs.
     pub number: u64,
     pub scene: beamfarm_image::job::SceneHash,
-    /// Of the job.
+    /// The job's engine.
     pub engine: EngineKind,
 }
 
-/// What a worker that a test plays is known by: of one name always the same.
+/// The identity of a worker that a test plays: the same for the same name.
 pub fn identity_of(name: &str) -> Bytes {
     FileHash::of(name.as_bytes()).to_wire()
 }
 
-/// How a worker introduces itself that renders as this machine does.
+/// The introduction of a worker that renders as this machine does.
 pub fn introduction(name: &str, identity: Bytes) -> wire::RegisterRequest {
     wire::RegisterRequest {
         protocol: beamfarm_proto::PROTOCOL,
@@ -421,7 +421,7 @@ impl RawWorker {
         Ok(worker)
     }
 
-    /// With what it offers and lacks; and whether it has to show a test picture first.
+    /// With what it offers and lacks, and whether it must show a test picture first.
     pub async fn offering(
         coordinator: &Coordinator,
         name: &str,
@@ -432,7 +432,7 @@ impl RawWorker {
         Self::with_identity(coordinator, who, offers, lacks).await
     }
 
-    /// By a name and an identity that need not belong together.
+    /// With a name and an identity that need not belong together.
     pub async fn with_identity(
         coordinator: &Coordinator,
         (name, identity): (&str, Bytes),
@@ -449,7 +449,7 @@ impl RawWorker {
         Ok((worker, reply.untested))
     }
 
-    /// To whoever answers there.
+    /// Registers with whoever answers there.
     pub async fn come(url: &str, request: wire::RegisterRequest) -> Result<(Self, wire::RegisterReply), Status> {
         let farm = within("a connection", FarmClient::connect(url.to_owned())).await;
         let mut farm = farm.map_err(|error| Status::unavailable(error.to_string()))?;
@@ -494,7 +494,7 @@ impl RawWorker {
         Ok(Grant::try_from(reply.into_inner()).unwrap())
     }
 
-    /// Ask until there is a pass.
+    /// Asks until there is a pass.
     pub async fn lease(&self) -> (LeaseId, Block) {
         let (begun, mut refusals) = (Instant::now(), 0);
         while begun.elapsed() < PATIENCE {
@@ -519,7 +519,7 @@ impl RawWorker {
         }
     }
 
-    /// Deliver exactly this.
+    /// Delivers exactly these parts.
     pub async fn send(&self, parts: Vec<Part>) -> Result<wire::SubmitReply, Status> {
         let parts = parts.into_iter().map(|part| wire::SubmitRequest { part: Some(part) });
         let parts: Vec<_> = parts.collect();
@@ -528,16 +528,16 @@ impl RawWorker {
         Ok(within("an answer to a block", reply).await?.into_inner())
     }
 
-    /// Deliver these bytes, properly.
+    /// Delivers these bytes in the proper form.
     pub async fn submit(&self, leased: (LeaseId, Block), bytes: Vec<u8>) -> Result<wire::SubmitReply, Status> {
         let header = self.header(leased, &bytes);
         let mut parts = vec![Part::Header(header)];
-        // Chunks that end nowhere in particular.
+        // Chunks that end at arbitrary places.
         parts.extend(bytes.chunks(1001).map(|chunk| Part::Data(chunk.to_vec().into())));
         self.send(parts).await
     }
 
-    /// Deliver the picture of [`film`].
+    /// Delivers the picture of [`film`].
     pub async fn deliver(&self, leased: (LeaseId, Block)) -> Result<wire::SubmitReply, Status> {
         let bytes = encode(&node(leased.1), &self.meta(leased.1));
         self.submit(leased, bytes).await
@@ -556,20 +556,20 @@ impl RawWorker {
     }
 }
 
-/// Hash of the test picture, as every worker of the library sends it.
+/// Hash of the test picture that every worker of the library sends.
 pub fn canary() -> Bytes {
     static CANARY: OnceLock<[u8; 32]> = OnceLock::new();
     let hash = CANARY.get_or_init(|| beamfarm_worker::canary().unwrap());
     Bytes::copy_from_slice(hash)
 }
 
-/// A pass as the farm knows it.
+/// A pass as the farm names it.
 pub fn leaf(pass_index: u64, film: Film) -> Node {
     let scale = Schedule::new(&settings()).scale(pass_index);
     Node::leaf(pass_index, film).with_radius_scale(scale)
 }
 
-/// A block of passes that nobody has to render.
+/// A block of passes that is not actually rendered.
 pub fn node(block: Block) -> Node {
     node_of(block, &film)
 }
@@ -591,7 +591,7 @@ pub fn encode(node: &Node, meta: &BlockMeta) -> Vec<u8> {
     encode_block(node, meta, &[]).unwrap()
 }
 
-/// A picture for a pass that nobody has to render: noise, the same whenever it is asked for.
+/// A picture for a pass that is not actually rendered: noise, the same every time.
 pub fn film(pass_index: u64) -> Film {
     let mut film = Film::new(WIDTH, HEIGHT);
     for (i, pixel) in film.pixels.iter_mut().enumerate() {

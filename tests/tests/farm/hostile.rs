@@ -1,6 +1,6 @@
-//! Every call of the farm with messages that are damaged: the coordinator answers, lives, and renders the right image.
+//! Every call of the farm with damaged messages: the coordinator answers, survives, and renders the right image.
 
-// Messages grow.
+// Messages may get more fields.
 #![allow(clippy::needless_update)]
 
 use crate::farm::harness::{Coordinator, RawWorker, encode, film, identity_of, leaf, spec, within};
@@ -23,7 +23,7 @@ const PASSES: u64 = 3;
 /// Damaged messages for each call.
 const MUTATIONS: u64 = 200;
 
-/// Messages as they are.
+/// Messages as raw bytes.
 #[derive(Default)]
 struct Raw;
 
@@ -57,7 +57,7 @@ impl Decoder for Raw {
     }
 }
 
-/// Send these messages to a call, and read what comes back, for a while: some of them are held open.
+/// Sends these messages to a call, and reads the answer for a while: some calls are held open.
 pub async fn call(channel: &Channel, call: &str, messages: Vec<Vec<u8>>) -> Result<(), Status> {
     let path = PathAndQuery::try_from(format!("/beamfarm.v1.{call}")).unwrap();
     let mut grpc = Grpc::new(channel.clone());
@@ -78,11 +78,11 @@ async fn damaged_messages_do_no_harm() {
     let worker = RawWorker::register(&coordinator).await;
     let leased = worker.lease().await;
     let mut exr = encode(&leaf(leased.1.start(), film(leased.1.start())), &worker.meta(leased.1));
-    // Finite pixels of another picture are nothing that a check could find: this one never arrives.
+    // No check could find finite pixels of another picture, so this one never arrives.
     exr.truncate(1000);
     let header = worker.header(leased, &exr);
     let part = |part| wire::SubmitRequest { part: Some(part) }.encode_to_vec();
-    // Of workers that do not exist: a damaged number must not hit the one that works on.
+    // Of workers that do not exist: a damaged number must not hit the one that keeps working.
     let nobody = worker.id ^ 1 << 40;
     let seeds: [(&str, Vec<Vec<u8>>); 7] = [
         (
@@ -174,7 +174,7 @@ async fn damaged_messages_do_no_harm() {
             let damaged = seed.iter().map(|seed| mutate(seed, &seed[1..], &mut random));
             if let Err(status) = call(&channel, &format!("Farm/{name}"), damaged.collect()).await {
                 refused += 1;
-                // A panic would be one of these.
+                // A panic would answer with one of these.
                 assert!(
                     !matches!(status.code(), Code::Unknown | Code::Cancelled),
                     "{name} {mutation}: {status}"

@@ -1,4 +1,4 @@
-//! Peers that take more than their share: of connections, calls, bytes and time.
+//! Peers that take more than their share of connections, calls, bytes and time.
 
 use crate::farm::harness::{Coordinator, LONG, RawWorker, film, free_port, leaf, spec};
 use beamfarm_coordinator::limits::Limits;
@@ -17,7 +17,7 @@ use tonic::metadata::AsciiMetadataValue;
 use tonic::{Code, Request};
 
 const SOON: Duration = Duration::from_millis(300);
-/// Waiting for something that must happen. Failing is better than waiting forever.
+/// How long to wait for something that must happen. Failing is better than waiting for ever.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 async fn coordinator(limits: Limits, security: Security) -> Coordinator {
@@ -28,7 +28,7 @@ async fn coordinator(limits: Limits, security: Security) -> Coordinator {
     Coordinator::start_behind(free_port(), spec(2), timing, (security, limits)).await
 }
 
-/// Waits until the other side hangs up, and returns what it said before.
+/// Waits until the other side hangs up, and returns what it sent before.
 async fn hung_up(mut stream: TcpStream) -> Vec<u8> {
     let mut said = Vec::new();
     let _ = timeout(PATIENCE, stream.read_to_end(&mut said)).await.unwrap();
@@ -46,7 +46,7 @@ async fn connections_beyond_the_limit_are_closed() {
     let idle = TcpStream::connect(coordinator.address).await.unwrap();
     let third = TcpStream::connect(coordinator.address).await.unwrap();
     assert!(hung_up(third).await.is_empty());
-    // Those who are in stay in, and a place that gets free is taken again.
+    // Those who are in stay in, and a place that becomes free is taken again.
     let leased = first.lease().await;
     first.deliver(leased).await.unwrap();
     drop(idle);
@@ -57,7 +57,7 @@ async fn connections_beyond_the_limit_are_closed() {
     }
 }
 
-/// Idle connections, as many as there are places and more, keep nobody out who has something to say.
+/// Idle connections, even more than there are places, keep nobody out who has something to say.
 #[tokio::test]
 async fn strangers_make_room() {
     let limits = Limits {
@@ -72,7 +72,7 @@ async fn strangers_make_room() {
     for i in 0..40 {
         let mut stream = TcpStream::connect(coordinator.address).await.unwrap();
         if i % 2 == 0 {
-            // What anybody may ask is no greeting.
+            // A request that anybody may make is no greeting.
             let ask = b"GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n";
             stream.write_all(ask).await.unwrap();
             let mut answer = [0; 12];
@@ -89,7 +89,7 @@ async fn strangers_make_room() {
         let leased = worker.lease().await;
         worker.deliver(leased).await.unwrap();
     }
-    // The oldest have gone.
+    // The oldest are gone.
     for stream in idle.drain(..36) {
         hung_up(stream).await;
     }
@@ -123,7 +123,7 @@ async fn connections_that_never_say_anything_useful_are_closed() {
             b"G",
             b"GET /healthz HTTP/1.1\r\nhost: local",
             b"PRI * HTTP/2.0\r\n\r\nSM",
-            // A whole greeting, with empty settings, and then no request.
+            // A whole greeting with empty settings, then no request.
             b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0",
             // Half of a TLS greeting.
             b"\x16\x03\x01\x02\x00\x01",
@@ -159,7 +159,7 @@ async fn large_headers_are_refused() {
     let mut stream = TcpStream::connect(coordinator.address).await.unwrap();
     let long = "x".repeat(100_000);
     let request = format!("GET / HTTP/1.1\r\nhost: localhost\r\nlong: {long}\r\n\r\n");
-    // The other side may hang up in the middle of it.
+    // The other side may hang up in the middle.
     let _ = stream.write_all(request.as_bytes()).await;
     let mut said = vec![0; 12];
     let read = timeout(PATIENCE, stream.read_exact(&mut said)).await;
@@ -209,7 +209,7 @@ async fn calls_beyond_the_limit_wait() {
     let open = (worker.attend().await, worker.attend().await);
     let waiting = timeout(SOON, worker.grant()).await;
     assert!(waiting.is_err(), "a third call is open");
-    // Another connection is none of its business.
+    // Another connection does not affect it.
     RawWorker::register(&coordinator).await;
     drop(open);
     timeout(PATIENCE, worker.lease()).await.unwrap();
@@ -262,7 +262,7 @@ async fn an_upload_that_drips_is_cut_off() {
     assert_eq!(coordinator.ended().await, End::Complete);
 }
 
-/// Deliveries that never end take no more room than one for each lease.
+/// Endless deliveries take no more room than one for each lease.
 #[tokio::test]
 async fn a_lease_has_one_delivery_at_a_time() {
     let coordinator = coordinator(Limits::default(), Security::default()).await;
@@ -297,7 +297,7 @@ async fn an_answer_that_nobody_reads_ends_its_connection() {
     };
     let coordinator = coordinator(limits, Security::default()).await;
     let mut stream = TcpStream::connect(coordinator.address).await.unwrap();
-    // So many requests, one behind the other, that their answers fill all buffers. None of them is read.
+    // So many pipelined requests that their answers fill all buffers. None of the answers is read.
     let request = b"GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n".repeat(1000);
     let begun = Instant::now();
     while let Ok(sent) = timeout(PATIENCE, stream.write_all(&request)).await {

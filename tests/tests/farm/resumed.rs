@@ -1,4 +1,4 @@
-//! Blocks that were accepted after the last checkpoint, and are rendered again when the job is resumed.
+//! Blocks that were accepted after the last checkpoint and are rendered again when the job is resumed.
 
 use crate::farm::harness::{Coordinator, LONG, RawWorker, encode, free_port, node, spec};
 use beamfarm_coordinator::store::{Asked, Folder, Keeper, Looks, Resumed};
@@ -13,10 +13,10 @@ use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tonic::Code;
 
 const PASSES: u64 = 20;
-/// More than one pass.
+/// A block of more than one pass.
 const PAIR: Block = Block { level: 1, index: 8 };
 
-/// A job that had these blocks, and none of them in its checkpoint.
+/// Resumes a job that had these blocks, none of them in its checkpoint.
 async fn resume(lost: Vec<(Block, [u8; 32])>) -> (Coordinator, UnboundedReceiver<Entry>) {
     let (sender, entries) = unbounded_channel();
     let done = lost.into_iter().map(|(block, hash)| DoneBlock {
@@ -38,11 +38,11 @@ async fn resume(lost: Vec<(Block, [u8; 32])>) -> (Coordinator, UnboundedReceiver
     (coordinator, entries)
 }
 
-/// Deliver all that can be had.
+/// Delivers every block it can get.
 async fn work(coordinator: &Coordinator, name: &str) -> Vec<Block> {
     let worker = RawWorker::named(coordinator, name).await;
     let mut blocks = Vec::new();
-    // Its last question may find nobody there any more.
+    // At its last request nobody may be there any more.
     while let Ok(Grant::Lease(lease, block)) = worker.grant().await {
         worker.deliver((lease, block)).await.unwrap();
         blocks.push(block);
@@ -61,14 +61,14 @@ async fn the_same_bits_again_are_nothing_to_speak_of() {
     let (coordinator, mut entries) = resume(lost.into()).await;
     let blocks = work(&coordinator, "a").await;
     assert_eq!(coordinator.ended().await, End::Complete);
-    // As it was, so that it could be compared.
+    // The same block as before, so that it can be compared.
     assert!(blocks.contains(&PAIR), "{blocks:?}");
     let progress = coordinator.farm.progress();
     assert_eq!((progress.divergent, progress.audits), (0, 0));
     let events = coordinator.farm.events(0);
     let mut kinds = events.iter().map(|event| event.kind);
     assert!(kinds.all(|kind| kind != EventKind::Divergent));
-    // What the ledger file is told of each block, whatever its size.
+    // What the ledger file records of each block, whatever its size.
     let told = lines(&mut entries, EntryState::Done);
     assert_eq!(told.len(), blocks.len());
     for entry in told {
@@ -107,7 +107,7 @@ async fn other_bits_than_before_are_told_and_decided() {
     }
 }
 
-/// A coordinator of the job in this folder, as `serve` starts it.
+/// A coordinator of the job in this folder, started like `serve`.
 async fn start_in(folder: &Path) -> (Coordinator, Keeper) {
     let mut spec = spec(PASSES);
     let (folder, resumed) = Folder::open(folder, &mut spec, Looks::default(), Asked::default()).unwrap();

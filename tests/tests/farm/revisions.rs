@@ -65,7 +65,7 @@ async fn what_arrives_late_enters_no_sum() {
     let half = pixels(&old, 1000.0, 0.5);
     worker.say(Part::Data(half.clone().into())).await;
 
-    // In the middle of its way the scene changes.
+    // The scene changes halfway.
     let second = view.revise(&changed("30"));
     view.settle(second, 3);
     assert_eq!(worker.order().await, Kind::Drop(old.number.0));
@@ -101,14 +101,14 @@ async fn what_a_lost_worker_had_in_hand_another_one_does() {
             seen.push(pass_index);
         }
     }
-    // Whichever comes first: that of the lost one is free once its loss is known.
+    // In either order: the lost one's pass is free once its loss is known.
     seen.sort_unstable();
     assert_eq!(seen, [0, 1]);
     let shown = view.shows("two passes", |picture| is_average(picture, 2)).await;
     assert!(film(&shown).pixels.iter().flatten().all(|value| *value == 3.0));
 }
 
-/// What it keeps another worker renders, and all passes come.
+/// Another worker renders the pass that it keeps, and all passes arrive.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_worker_that_keeps_a_pass_halts_nothing() {
     let mut view = View::start().await;
@@ -118,7 +118,7 @@ async fn a_worker_that_keeps_a_pass_halts_nothing() {
     let kept = keeps.pass().await;
     let _honest = start_worker(view.url.clone(), 1, LONG);
     view.shows("all passes", |picture| is_average(picture, 6)).await;
-    // Told, and what it brings at last counts for nothing.
+    // It was told, and its late delivery counts for nothing.
     assert_eq!(keeps.order().await, Kind::Drop(kept.number.0));
     keeps.deliver(&kept, 1000.0).await;
     keeps.say(Part::Dropped(kept.number.0)).await;
@@ -130,7 +130,7 @@ async fn a_worker_that_keeps_a_pass_halts_nothing() {
     .await;
 }
 
-/// Whatever it is that it does wrong. Under its key it does not come back.
+/// Whatever it does wrong, it does not come back under its key.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_worker_that_spoils_what_others_can_render_is_sent_away() {
     for spoils in ["fails", "has NaN", "gives back"] {
@@ -163,7 +163,7 @@ async fn a_worker_that_spoils_what_others_can_render_is_sent_away() {
         let _honest = start_worker(view.url.clone(), 1, LONG);
         let mut spoiling = std::pin::pin!(spoiling);
         let mut ended = None;
-        // Before the other one was there it may have failed alone, which is nobody's fault yet.
+        // Before the other one was there it may have failed alone, for which nobody is blamed yet.
         for power in 30..36 {
             let shown = view.shows("all passes", |picture| {
                 picture.revision.0 == view.number && is_average(picture, 6)
@@ -195,7 +195,7 @@ async fn work_is_dropped_in_the_middle_of_a_pass() {
     let mut view = View::start().await;
     let _worker = start_worker(view.url.clone(), 1, LONG);
     let number = view.revise(SCENE);
-    // A pass of minutes.
+    // A pass that takes minutes.
     let [width, height] = view.full;
     let settings = beamfarm_image::job::JobSettings {
         paths_per_pass: 200_000_000,
@@ -243,7 +243,7 @@ async fn those_who_make_no_sense_are_sent_away() {
     worker.say(many(&task)).await;
     let end = within("the end", worker.orders.message()).await;
     assert_eq!(end.unwrap_err().code(), Code::InvalidArgument);
-    // NaN is no picture, and is said.
+    // NaN is no picture, and is reported.
     let mut worker = view.worker().await;
     let task = worker.task().await;
     worker.deliver(&task, f32::NAN).await;

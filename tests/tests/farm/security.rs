@@ -1,4 +1,4 @@
-//! Who gets in: tokens, TLS, certificates of clients.
+//! Who is let in: tokens, TLS, client certificates.
 
 use crate::farm::harness::{Coordinator, LONG, WorkerResult, free_port, spec, within};
 use beamfarm_coordinator::limits::Limits;
@@ -18,7 +18,7 @@ use tonic::transport::{Certificate, Identity};
 
 const TOKEN: &str = "a-token-for-tests-alone";
 
-/// Who vouches for certificates.
+/// A certificate authority.
 pub struct Authority(CertifiedIssuer<'static, KeyPair>);
 
 impl Authority {
@@ -33,7 +33,7 @@ impl Authority {
         self.0.pem()
     }
 
-    /// Certificate and key of whoever has this name.
+    /// Certificate and key for this name.
     pub fn issue(&self, name: &str) -> (String, String) {
         let key = KeyPair::generate().unwrap();
         let params = CertificateParams::new([name.to_string()]).unwrap();
@@ -54,7 +54,7 @@ fn token(text: &str) -> Option<Token> {
     Some(Token::parse(text).unwrap())
 }
 
-/// What a worker of the library makes of it.
+/// How a worker of the library fares with them.
 async fn work(url: String, credentials: Credentials) -> WorkerResult {
     let (_drain, receiver) = watch::channel(false);
     let config = beamfarm_worker::Config {
@@ -91,7 +91,7 @@ async fn register(url: &str, credentials: &Credentials) -> Code {
     }
 }
 
-/// The answer to what is written, as a browser sees it.
+/// The answer to this raw request, as a browser sees it.
 async fn http(coordinator: &Coordinator, path: &str, headers: &str) -> String {
     let mut stream = TcpStream::connect(coordinator.address).await.unwrap();
     let request = format!("GET {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n{headers}\r\n");
@@ -119,7 +119,7 @@ async fn only_those_with_the_token_get_in() {
         let begun = Instant::now();
         let shown = credentials.token.is_some();
         assert_eq!(register(&url, &credentials).await, Code::Unauthenticated);
-        // Guessing takes its time.
+        // Guessing is slowed down.
         assert!(!shown || begun.elapsed() >= Duration::from_millis(300));
         let refused = work(url.clone(), credentials).await;
         assert!(matches!(refused, Err(WorkerError::Refused(_))), "{refused:?}");

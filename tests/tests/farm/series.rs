@@ -23,7 +23,7 @@ use tokio::time::timeout;
 use tonic::Code;
 use tonic::transport::Certificate;
 
-/// The scene as it is at a frame: its lamp is elsewhere.
+/// The scene at a frame: its lamp is elsewhere.
 pub fn frame(number: u64, passes: u64) -> JobSpec {
     let mut spec = spec(passes);
     spec.bundle.files.insert("scene.toml".into(), text(number).into());
@@ -34,7 +34,7 @@ fn text(number: u64) -> String {
     SCENE.replace("position = [0.5, 2, 0.5]", &format!("position = [0.{number}, 2, 0.5]"))
 }
 
-/// Pixels of such a job without a farm.
+/// Pixels of that job without a farm.
 fn alone(number: u64, passes: u64) -> String {
     let scene = Scene::new(beamfarm_scene::load(&frame(number, passes).bundle).unwrap());
     let plan = RenderPlan::new(&scene, settings());
@@ -51,7 +51,7 @@ fn pixels(watch: &Watch) -> String {
     pixel_hash(&watch.farm().average().unwrap().beauty)
 }
 
-/// A coordinator of several jobs.
+/// A coordinator with several jobs.
 pub struct Site {
     pub series: Arc<Series>,
     first: Arc<Watch>,
@@ -113,7 +113,7 @@ impl Site {
         start_worker_with_credentials(format!("http://{}", self.address), Credentials::default())
     }
 
-    /// A worker under the test's control, where the series sends it. `before`: its key until now.
+    /// A worker under the test's control, at the job to which the series sends it. `before`: its key until now.
     async fn register(&self, before: u64) -> RawWorker {
         let request = wire::RegisterRequest {
             protocol: beamfarm_proto::PROTOCOL,
@@ -136,7 +136,7 @@ fn is_at(worker: &RawWorker, job: &Watch) -> bool {
     worker.scene == job.farm().job().scene
 }
 
-/// With a token and over TLS, as a single job has them.
+/// With a token and over TLS, like a single job.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn workers_stay_for_all_jobs_of_a_series() {
     let authority = crate::farm::security::Authority::new();
@@ -159,7 +159,7 @@ async fn workers_stay_for_all_jobs_of_a_series() {
     for number in 2..=4 {
         assert!(within("hunger", site.series.wants_another()).await);
         jobs.push(site.open(number, 3).await);
-        // The one before need not be over for that.
+        // The job before it need not be over for that.
         let before = &jobs[jobs.len() - 2];
         assert_eq!(within("a job's end", before.farm().ended()).await, End::Complete);
         site.series.close(before);
@@ -171,14 +171,14 @@ async fn workers_stay_for_all_jobs_of_a_series() {
     }
     for (number, job) in (1..).zip(&jobs) {
         assert_eq!(pixels(job), alone(number, 3), "job {number}");
-        // Nobody had to come a second time.
+        // Nobody had to register twice.
         assert!(job.farm().progress().registered <= 2);
     }
     assert_eq!(site.series.passes(), 12);
     site.close().await;
 }
 
-/// While somebody holds the last pass of a job, others render the next one; when that pass is lost, one of them comes
+/// While one worker holds the last pass of a job, others render the next job; when that pass is lost, one of them comes
 /// back for it.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn nobody_waits_for_the_last_pass_of_others() {
@@ -195,7 +195,7 @@ async fn nobody_waits_for_the_last_pass_of_others() {
         End::Complete
     );
     assert_eq!(site.first.farm().end(), None);
-    // A third one may not begin as long as two are open.
+    // A third one may not begin while two are open.
     assert!(
         timeout(Duration::from_millis(300), site.series.wants_another())
             .await
@@ -221,7 +221,8 @@ async fn nobody_waits_for_the_last_pass_of_others() {
     site.close().await;
 }
 
-/// Who was called to a job, and was taken in by another one on the way, keeps nobody from being called in its place.
+/// A worker that was called to a job but accepted by another one on the way does not keep others from being called
+/// instead.
 #[tokio::test]
 async fn a_worker_that_went_elsewhere_is_not_waited_for() {
     let site = Site::start(2, Security::default());
@@ -232,11 +233,11 @@ async fn a_worker_that_went_elsewhere_is_not_waited_for() {
     let _attending = (called.attend().await, other.attend().await);
     let second = site.open(2, 1).await;
     assert_eq!(called.grant().await.unwrap(), Grant::Elsewhere);
-    // There is one pass for one of them.
+    // There is one pass, for one of them.
     assert_eq!(other.grant().await.unwrap(), Grant::NotNow);
     drop((attendance, lost));
     let came = loop {
-        // The lost pass is handed out when the coordinator has seen the connection break.
+        // The lost pass is handed out once the coordinator has seen the connection break.
         let came = site.register(called.id).await;
         if is_at(&came, &site.first) {
             break came;
@@ -256,7 +257,7 @@ async fn a_worker_that_went_elsewhere_is_not_waited_for() {
     site.series.cancel();
 }
 
-/// Who comes when no job has anything waits for the next one, and asks for it.
+/// A worker that comes when no job has a pass waits for the next job.
 #[tokio::test]
 async fn a_worker_that_comes_between_two_jobs_waits() {
     let site = Site::start(1, Security::default());
@@ -273,12 +274,12 @@ async fn a_worker_that_comes_between_two_jobs_waits() {
     let leased = worker.lease().await;
     worker.deliver(leased).await.unwrap();
     assert_eq!(second.farm().ended().await, End::Complete);
-    // What is over for good is told as the end.
+    // Only when everything is over is the end reported.
     site.series.seal();
     assert_eq!(worker.grant().await.unwrap(), Grant::Done);
 }
 
-/// Wherever it is when others find that it lied at one of them: what it did elsewhere is rendered again.
+/// When a liar is found out at one job, wherever it is then, what it did elsewhere is rendered again.
 #[tokio::test]
 async fn who_lies_at_one_job_is_out_at_all() {
     let checked = |number, passes| JobSpec {

@@ -1,4 +1,4 @@
-//! The same error is reached at the same pass, in whatever order passes come in.
+//! A job reaches its target error at the same pass in whatever order passes arrive.
 
 use crate::farm::harness::*;
 use beamfarm_coordinator::{End, Start, Target};
@@ -17,7 +17,7 @@ fn average_of(passes: u64) -> Average {
     sum.average().unwrap()
 }
 
-/// Hand all passes out, then take them in in an order that depends on the seed.
+/// Hands all passes out, then accepts them in an order that depends on the seed.
 async fn stop(target: Target, seed: u64) -> (Option<u64>, Average) {
     let timing = beamfarm_coordinator::Timing {
         heartbeat: Duration::from_millis(50),
@@ -29,7 +29,7 @@ async fn stop(target: Target, seed: u64) -> (Option<u64>, Average) {
     };
     let doors = Default::default();
     let coordinator = Coordinator::start_with(free_port(), spec(PASSES), timing, doors, start).await;
-    // As many as it takes to hold all passes.
+    // As many workers as it takes to hold all passes.
     let mut workers = Vec::new();
     for _ in 0..=PASSES / 16 {
         workers.push(RawWorker::register(&coordinator).await);
@@ -60,7 +60,7 @@ async fn stop(target: Target, seed: u64) -> (Option<u64>, Average) {
 
 #[tokio::test]
 async fn passes_stop_where_they_would_one_by_one() {
-    // Just met by 12 passes: not by fewer.
+    // Just met by 12 passes, and not by fewer.
     let error = average_of(12).errors().at(None);
     assert!((2..12).all(|passes| average_of(passes).errors().at(None) > error));
     for percentile in [None, Some(95)] {

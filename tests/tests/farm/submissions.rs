@@ -1,4 +1,4 @@
-//! What a coordinator does not take, one thing wrong at a time.
+//! What a coordinator refuses, one fault at a time.
 
 use crate::farm::harness::{Coordinator, HEIGHT, RawWorker, WIDTH, encode, film, spec};
 use beamfarm_coordinator::End;
@@ -11,7 +11,7 @@ use beamfarm_proto::wire::submit_request::Part;
 use tonic::Code;
 
 /// A fresh worker sends the bytes that `make` returns for its lease. They must be refused with this code and message,
-/// count as refused, and leave the pass to be rendered by the next worker.
+/// be counted as refused, and leave the pass to the next worker.
 async fn refused(code: Code, message: &str, make: impl Fn(&RawWorker, Block) -> Vec<u8>) {
     let coordinator = Coordinator::start(spec(1)).await;
     let worker = RawWorker::register(&coordinator).await;
@@ -138,7 +138,7 @@ async fn damaged_bytes_may_be_sent_again() {
 #[tokio::test]
 async fn pixels_that_are_not_finite() {
     for value in [f32::NAN, f32::INFINITY, f32::MAX] {
-        // The encoder will not write them: poke them into the last pixel.
+        // The encoder refuses to write them, so they are poked into the last pixel.
         let poke = |worker: &RawWorker, block: Block| {
             let mut bytes = encode(&Node::leaf(0, film(0)), &worker.meta(block));
             let last = bytes.len() - 4;
@@ -169,7 +169,7 @@ async fn pixels_that_the_worker_itself_calls_bad() {
         assert_eq!(status.code(), Code::InvalidArgument);
         assert_eq!(coordinator.farm.progress().failures, attempt);
     }
-    // The pass is to blame, not the worker: the job is over.
+    // The pass is to blame, not the worker: the job ends.
     assert!(matches!(coordinator.ended().await, End::Failed(_)));
     assert!(coordinator.farm.average().is_none());
 }
@@ -216,7 +216,7 @@ async fn duplicates_count_once_and_other_bits_are_an_error() {
     assert!(status.message().contains("different pixels"), "{status}");
     let progress = coordinator.farm.progress();
     assert_eq!((progress.duplicates, progress.dropped), (1, 1));
-    // It says two things: neither is believed.
+    // It contradicts itself, so neither version is believed.
     assert_eq!(progress.passes, 0);
     let status = worker.deliver(next).await.unwrap_err();
     assert_eq!(status.code(), Code::PermissionDenied);

@@ -1,4 +1,4 @@
-//! The image in a tev that is not there, takes what is sent, or goes away.
+//! The image in a tev that is absent, accepts what is sent, or goes away.
 
 use crate::farm::harness::{Coordinator, HEIGHT, RawWorker, WIDTH, spec};
 use beamfarm_coordinator::{End, tev};
@@ -9,7 +9,7 @@ use tokio::time::timeout;
 
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// What a tev understands of a packet.
+/// A packet as tev understands it.
 #[derive(Debug, PartialEq)]
 enum Packet {
     Create {
@@ -22,7 +22,7 @@ enum Packet {
         name: String,
         /// x, y, width, height.
         area: [u32; 4],
-        /// Each channel's values, in rows.
+        /// Values of each channel, row by row.
         values: Vec<Vec<f32>>,
     },
 }

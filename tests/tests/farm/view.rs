@@ -1,4 +1,4 @@
-//! A live view without a page, and a worker of it under a test's control.
+//! A live view without a page, and one of its workers under a test's control.
 
 use crate::farm::harness::{Machine, SCENE, canary, free_port, identity_of, settings, within};
 use axum::Router;
@@ -93,7 +93,7 @@ impl View {
         self.revisions.settle(number, job);
     }
 
-    /// The first picture like this.
+    /// The first picture for which this holds.
     pub async fn shows(&self, what: &str, is_it: impl Fn(&Picture) -> bool) -> Arc<Picture> {
         let mut pictures = self.revisions.pictures();
         let seen = pictures.wait_for(|picture| picture.as_deref().is_some_and(&is_it));
@@ -119,7 +119,7 @@ pub fn changed(power: &str) -> String {
     SCENE.replace(line, &format!("power = {power}"))
 }
 
-/// A worker that does as it is told by the test.
+/// A worker that the test controls.
 pub struct RawWorker {
     pub reports: mpsc::Sender<wire::Report>,
     pub orders: tonic::Streaming<wire::Order>,
@@ -160,7 +160,7 @@ impl RawWorker {
         order.unwrap().expect("the stream goes on").order.unwrap()
     }
 
-    /// The next task, whatever comes before.
+    /// The next task, skipping everything before it.
     pub async fn task(&mut self) -> Task {
         loop {
             if let Kind::Task(task) = self.order().await {
@@ -181,13 +181,13 @@ impl RawWorker {
         self.say(Part::Outcome(outcome)).await;
     }
 
-    /// All of a picture that has this value everywhere.
+    /// Delivers a picture with this value everywhere.
     pub async fn deliver(&self, task: &Task, value: f32) {
         self.begin(task).await;
         self.say(Part::Data(pixels(task, value, 1.0).into())).await;
     }
 
-    /// Deliver sketches until there is a pass to do.
+    /// Delivers sketches until there is a pass to render.
     pub async fn pass(&mut self) -> Task {
         loop {
             let task = self.task().await;
@@ -199,7 +199,7 @@ impl RawWorker {
     }
 }
 
-/// So much of the bytes of a picture.
+/// The bytes of this many pixels.
 pub fn pixels(task: &Task, value: f32, share: f64) -> Vec<u8> {
     let values = 3 * task.width as usize * task.height as usize;
     value.to_le_bytes().repeat((share * values as f64) as usize)

@@ -1,4 +1,4 @@
-//! Those who watch and steer: the page, metrics, health, and the calls of control.proto.
+//! Watching and steering: the page, metrics, health, and the calls of control.proto.
 
 use crate::farm::harness::{Coordinator, RawWorker, spec, within};
 use beamfarm_coordinator::{End, Progress, WorkerState};
@@ -50,7 +50,7 @@ async fn ask(coordinator: &Coordinator, request: &str) -> Answer {
     within(request, answer).await
 }
 
-/// A coordinator with some passes, and its worker.
+/// A coordinator with some passes done, and its worker.
 async fn with_passes(limit: u64, passes: u64) -> (Coordinator, RawWorker) {
     let coordinator = Coordinator::start(spec(limit)).await;
     let worker = RawWorker::register(&coordinator).await;
@@ -113,7 +113,7 @@ async fn pictures_are_of_the_passes_that_they_name() {
     assert!(one.body.starts_with(b"\x89PNG"));
     let leased = worker.lease().await;
     worker.deliver(leased).await.unwrap();
-    // Averages come at a bounded rate: the next one within about a second.
+    // Averages come at a bounded rate: the next one after about a second.
     let begun = Instant::now();
     let two = loop {
         let answer = ask(&coordinator, "GET /image.png").await;
@@ -125,7 +125,7 @@ async fn pictures_are_of_the_passes_that_they_name() {
         tokio::time::sleep(Duration::from_millis(50)).await;
     };
     assert!(two.body != one.body);
-    // The one before is still there for those who just heard of it.
+    // The one before is still there for those who have just been told of it.
     let again = ask(&coordinator, "GET /image.png?passes=1").await;
     assert_eq!(again.header("beamfarm-passes"), Some("1"));
     assert!(again.body == one.body);
@@ -144,7 +144,7 @@ async fn pictures_are_of_the_passes_that_they_name() {
     };
     let address = "GET /image.png?passes=2&exposure=1&curve=agx&white_balance=3000";
     assert!(ask(&coordinator, address).await.body == encode_png(&average.beauty, look).unwrap());
-    // What makes no sense is as if it was not there.
+    // Nonsense parameters are ignored.
     let nonsense = ask(&coordinator, "GET /image.png?passes=2&curve=raw&white_balance=1").await;
     assert!(nonsense.body == two.body);
 }
@@ -183,7 +183,7 @@ async fn an_open_page_hears_the_news_and_the_end() {
     wait_for("state", "Complete").await;
     wait_for("image", "data: 4").await;
     wait_for("over", "data: over").await;
-    // There is time for the last picture.
+    // There is still time for the last picture.
     let last = ask(&coordinator, "GET /image.png?passes=4").await;
     assert_eq!(last.header("beamfarm-passes"), Some("4"));
 }
@@ -226,7 +226,7 @@ async fn metrics_follow_the_job() {
     ] {
         assert!(text.lines().any(|found| found == line), "{line} is not in {text}");
     }
-    // One name each, in the prefix, and nothing that tells one process from another.
+    // Unique names with the prefix, and no label that depends on the process.
     for line in text.lines().filter(|line| !line.starts_with('#')) {
         assert!(line.starts_with("beamfarm_"), "{line}");
         assert!(!line.contains("worker=") && !line.contains("name="), "{line}");

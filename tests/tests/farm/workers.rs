@@ -22,7 +22,7 @@ fn one_pass(progress: &Progress) -> Option<()> {
     (progress.prefix > 0).then_some(())
 }
 
-/// The job without a farm: on one thread, one pass after the other. Returns the hash of each pass as well.
+/// The job without a farm, on one thread, pass by pass. Returns the hash of each pass as well.
 fn reference() -> (Average, Vec<String>) {
     let bundle = Bundle {
         scene: "scene.toml".into(),
@@ -93,8 +93,8 @@ async fn a_pass_that_a_lost_worker_held_is_rendered_by_another() {
     worker.join().await.unwrap();
 }
 
-/// A process that is killed before it opens its stream of heartbeats: nobody may wait for it, with what it holds or at
-/// the end of the job.
+/// A process that is killed before it opens its stream of heartbeats: nobody may wait for it, neither for what it holds
+/// nor at the end of the job.
 #[tokio::test]
 async fn a_worker_that_hangs_up_before_its_first_heartbeat_is_gone() {
     let coordinator = Coordinator::start(spec(PASSES)).await;
@@ -133,7 +133,7 @@ async fn a_worker_finds_a_restarted_coordinator_with_another_job() {
     let worker = first.worker(1);
     first.shows("a pass", one_pass).await;
     drop(first);
-    // Another scene: wider, and with a file more.
+    // Another scene: wider, and with one more file.
     let mut other = spec(3);
     other.width = WIDTH + 2;
     let scene = SCENE.replace("width = 40", "width = 42");
@@ -180,14 +180,14 @@ async fn a_scene_that_the_worker_cannot_read_is_named() {
     }
 }
 
-/// The job with passes of a second or so.
+/// The job with passes that take about a second.
 fn slow(passes: u64) -> JobSpec {
     let mut spec = spec(passes);
     spec.settings.paths_per_pass = 100_000;
     spec
 }
 
-/// Wait until the worker of this name renders something.
+/// Waits until the worker of this name renders something.
 async fn rendering(coordinator: &Coordinator, name: &str) -> Block {
     let find = |progress: &Progress| {
         let mut workers = progress.workers_seen.iter();
@@ -228,7 +228,7 @@ async fn a_restarted_coordinator_gets_what_was_being_rendered() {
     let worker = first.worker(1);
     assert_eq!(rendering(&first, "test").await, Block::leaf(1));
     drop(first);
-    // It would lease pass 0 here if it began anew.
+    // It would lease pass 0 here if it started afresh.
     let second = Coordinator::start_on(port, slow(2), timing).await;
     assert_eq!(rendering(&second, "test").await, Block::leaf(1));
     assert_eq!(second.ended().await, End::Complete);

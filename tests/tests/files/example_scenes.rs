@@ -1,4 +1,4 @@
-//! The example scenes: their meshes are what their formulas say, they load, and each makes a picture.
+//! The example scenes: their meshes match their formulas, they load, and each makes a picture.
 
 #[path = "../../../shared/scene/examples/make_meshes/meshes/mod.rs"]
 mod meshes;
@@ -65,7 +65,7 @@ fn every_scene_makes_a_picture() {
     for path in scenes {
         let bundle = read_bundle(&path).unwrap();
         let mut description = beamfarm_scene::load(&bundle).unwrap();
-        // Its other moments have images of the scene's own size.
+        // Its other moments have images in the scene's own size.
         description.motion = None;
         let camera = &mut description.camera;
         (camera.width, camera.height) = (32, 32 * camera.height / camera.width);

@@ -1,4 +1,4 @@
-//! Glass as people model it: what one solid only can be becomes that solid, and what is open is told of.
+//! Glass as people model it: where only one solid can be meant, it becomes that solid; open surfaces are reported.
 
 use beamfarm_harness::render::reference_images;
 use beamfarm_image::bundle::Bundle;
@@ -6,7 +6,7 @@ use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::{Scene, SceneDescription};
 
-/// A cube of side 1 before a lamp of radiance 1, seen by parallel rays.
+/// A cube of side 1 in front of a lamp of radiance 1, seen by parallel rays.
 const VIEW: &str = r#"
 image = { width = 8, height = 8 }
 camera = { origin = [0, 0, 5], target = [0, 0, 0], projection = "orthographic", view_width = 0.8 }
@@ -65,7 +65,7 @@ fn load_mesh(corners: &str, shape: &str, faces: &[[u32; 3]]) -> Result<SceneDesc
     .map_err(|error| error.to_string())
 }
 
-/// What comes from the lamp through the middle of the picture.
+/// What reaches the middle of the picture from the lamp.
 fn seen(description: SceneDescription) -> Rgb {
     let scene = Scene::new(description);
     let settings = ReferenceSettings {
@@ -89,11 +89,11 @@ fn broken_cubes_are_the_cube() {
     mixed.iter_mut().step_by(3).for_each(|face| *face = turned(*face));
     let doubled: Vec<_> = FACES.into_iter().chain(FACES).collect();
     let both_ways: Vec<_> = FACES.into_iter().chain(FACES.map(turned)).collect();
-    // The ninth corner is on the edge from the second to the sixth.
+    // The ninth corner lies on the edge from the second to the sixth.
     let mut cut = FACES.to_vec();
     cut.splice(10..11, [[2, 9, 8], [9, 6, 8]]);
-    // Of each ray that enters squarely 1 - r is left at either face, and what bounces in between comes as well, less
-    // what is absorbed twice more.
+    // A ray at normal incidence keeps 1 - r at either face. What is reflected in between comes out as well, less
+    // absorption over two more crossings.
     let r = 0.5 * 0.5 / (2.5 * 2.5);
     let through = |t: f64| (1.0 - r) * (1.0 - r) * t / (1.0 - r * t * r * t);
     for (interior, transmittance) in [("", [1.0; 3]), ("interior = \"amber\"", [0.25, 0.5, 0.75])] {
@@ -115,7 +115,7 @@ fn broken_cubes_are_the_cube() {
             let seen = seen(mended);
             for (channel, t) in transmittance.into_iter().enumerate() {
                 let expected = through(t);
-                // All rays are alike, but for which way they go at each face: what the lamp does not send is black.
+                // All rays are alike except for their choices at each face: what does not come from the lamp is black.
                 assert!(
                     (f64::from(seen[channel]) - expected).abs() < 0.02,
                     "{what}: {seen} for {expected}"
@@ -123,14 +123,14 @@ fn broken_cubes_are_the_cube() {
             }
         }
     }
-    // Turned by hand it is not turned again, and what is turned inside out on purpose stays so.
+    // What was turned by hand is not turned again, and what is inside out on purpose stays so.
     for faces in [&FACES.to_vec(), &inside_out] {
         let turned = load(&format!("{CUBE}\nflip_normals = true"), faces).unwrap();
         assert!(turned.notes.is_empty(), "{:?}", turned.notes);
     }
 }
 
-/// Two cubes in one mesh, where they cross and where they do not.
+/// Two cubes in one mesh, crossing and not crossing.
 #[test]
 fn parts_that_cross_are_told_of() {
     let at = |x: f64| {
@@ -242,7 +242,7 @@ fn solids_that_meet_are_named() {
                 + "[[shapes]]\nname = \"b\"\ntype = \"rectangle\"\nmaterial = \"glass\"\nopen = true\n",
             None,
         ),
-        // What bends no light.
+        // An interface that bends no light.
         (cube("a", 0.0, 1.0, "glass") + &cube("b", 2.0, 1.0, "grey"), None),
         (cube("a", 0.0, 1.0, "glass") + &cube("b", 1.5, 1.0, "empty"), None),
     ] {

@@ -1,4 +1,4 @@
-//! glTF files: what they hold is what a native scene with the same numbers holds; what they claim is not believed.
+//! glTF files: they hold what a native scene with the same numbers holds, and their claims are checked.
 
 use beamfarm_harness::render::{average, scene_with};
 use beamfarm_image::bundle::Bundle;
@@ -32,7 +32,7 @@ fn square() -> Vec<u8> {
     bytes
 }
 
-/// Views and accessors of [`square`].
+/// Buffer views and accessors of [`square`].
 const SQUARE: &str = r#"
     "buffers": [{ "byteLength": 144 }],
     "bufferViews": [
@@ -52,7 +52,7 @@ fn json(body: &str) -> String {
     format!("{{ \"asset\": {{ \"version\": \"2.0\" }},\n{body} }}")
 }
 
-/// A binary file of this JSON and buffer.
+/// A binary file from this JSON and buffer.
 fn glb(json: &str, bin: &[u8]) -> Vec<u8> {
     let pad = |bytes: &[u8], with: u8| {
         let mut bytes = bytes.to_vec();
@@ -68,7 +68,7 @@ fn glb(json: &str, bin: &[u8]) -> Vec<u8> {
     [b"glTF", &2u32.to_le_bytes()[..], &length, &body].concat()
 }
 
-/// A file of the square with these nodes, materials and the rest; `{}` of a primitive has its attributes.
+/// A file of the square with these nodes, materials and the rest; `{}` stands for a primitive's attributes.
 fn file(body: &str) -> Vec<u8> {
     let attributes = r#""attributes": { "POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2 }"#;
     let body = body.replace("@", attributes);
@@ -109,7 +109,7 @@ fn assert_near(found: Vec3, expected: [f32; 3]) {
     assert!((found - expected).length() < 1e-5, "{found}, {expected}");
 }
 
-/// The same bits as the scene in which the same numbers are written out.
+/// The same bits as the scene with the same numbers written out.
 #[test]
 fn a_file_renders_as_its_native_twin() {
     let body = r#"
@@ -163,7 +163,7 @@ fn nodes_are_placed_below_their_parents() {
     let [leaf, strip, fan] = &description.objects[..] else {
         panic!();
     };
-    // From the camera: less (0.5, 1, 6).
+    // Relative to the camera at (0.5, 1, 6).
     assert_near(mesh(leaf).positions[2], [1.5, 1.0, -5.5]);
     assert_near(mesh(leaf).normals[2], [0.0, 0.6, 0.8]);
     assert!((mesh(leaf).uvs[2] - Vec2::new(1.0, 1.0)).length() < 1e-6);
@@ -249,10 +249,10 @@ fn base_materials_are_principled() {
     };
     assert_eq!(*white, Rgb::ONE);
     assert_eq!((all_metal.range(), all_rough.range()), ([1.0; 2], [1.0; 2]));
-    // Column 1, row 0 is (60, 80, 100) of 255, in sRGB.
+    // Column 1, row 0 is (60, 80, 100) / 255 in sRGB.
     let expected = [60.0, 80.0, 100.0].map(|v: f64| libm::pow((v / 255.0 + 0.055) / 1.055, 2.4) as f32);
     assert_near(image.pixels[1], [expected[0] * 0.5, expected[1], expected[2]]);
-    // Columns 0 to 3, rows 0 to 2, of 60 x + 20 c + y.
+    // Columns 0 to 3 and rows 0 to 2; the value is 60 x + 20 c + y.
     for (found, expected) in [
         (metallic.range(), [40.0 / 255.0, 222.0 / 255.0]),
         (roughness.range(), [0.5 * 20.0 / 255.0, 0.5 * 202.0 / 255.0]),
@@ -262,7 +262,7 @@ fn base_materials_are_principled() {
             "{found:?}"
         );
     }
-    // Times (2, 4), plus (0.25, 0.5), v from below.
+    // Scaled by (2, 4), moved by (0.25, 0.5), v from below.
     let textured = mesh(&description.objects[0]);
     for (corner, expected) in [(2, Vec2::new(2.25, 0.5)), (0, Vec2::new(0.25, 1.0 - 4.5))] {
         assert!((image_from_uv.transform_point2(textured.uvs[corner]) - expected).length() < 1e-6);
@@ -319,7 +319,6 @@ fn punctual_lights_are_lights() {
     };
     assert_near(*position, [0.5, 1.0, -3.0]);
     assert_eq!(*intensity, Rgb::new(8.0, 4.0, 2.0));
-    // -z, turned by -90 degrees around x.
     assert_near(sun.direction, [0.0, -1.0, 0.0]);
     assert_eq!(sun.irradiance, Rgb::splat(3.0));
     assert_near(soft.position, [-0.5, 0.0, -6.0]);
@@ -340,7 +339,7 @@ fn cameras_are_found_by_name() {
         load(&text, &[("a.glb", file(LIGHTS_AND_CAMERAS))])
     };
     let first = with_camera("", "").unwrap().camera;
-    // Looks along -x; the field of view is vertical, of 12 x 8 pixels.
+    // It looks along -x; the field of view is vertical, for 12 x 8 pixels.
     assert_near(first.frame.n, [-1.0, 0.0, 0.0]);
     assert_near(first.frame.t, [0.0, 1.0, 0.0]);
     assert_near(first.frame.s, [0.0, 0.0, -1.0]);
@@ -358,7 +357,7 @@ fn cameras_are_found_by_name() {
         };
         assert_near(position, [-3.0, -3.0, 3.0]);
     }
-    // Twice its magnification wide.
+    // As wide as twice its magnification.
     let flat = with_camera(", gltf_camera = \"flat\"", "").unwrap().camera;
     assert_eq!((flat.projection, flat.half_width), (Projection::Orthographic, 1.0));
     for (camera, expected) in [
@@ -381,7 +380,7 @@ fn cameras_are_found_by_name() {
     );
 }
 
-/// A `.gltf` with its files beside it, and one that has them within.
+/// A `.gltf` with separate files, and one that contains them.
 #[test]
 fn files_beside_the_file_are_in_the_bundle() {
     let folder = tempfile::tempdir().unwrap();
@@ -434,7 +433,7 @@ fn base64(bytes: &[u8]) -> String {
         .collect()
 }
 
-/// Files that lie, name the file and where.
+/// Invalid files: the error names the file and the place.
 #[test]
 fn bad_files_say_why() {
     let body = r#"

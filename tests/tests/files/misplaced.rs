@@ -1,4 +1,4 @@
-//! Objects that lie in another medium than their `exterior` says are named, and no others.
+//! Objects in another medium than their `exterior` says are reported, and no others.
 
 use beamfarm_harness::random_scene::RandomScene;
 use beamfarm_harness::render::scene;
@@ -64,7 +64,7 @@ fn what_touches_or_stands_beside_is_right() {
     assert!(misplaced(&(FOG.to_owned() + &nested)).is_empty());
 }
 
-/// Scenes that others had trouble with, but not by a mistake like this.
+/// Scenes that caused other trouble, but do not have this mistake.
 #[test]
 fn faults_were_not_these() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/faults");

@@ -1,4 +1,4 @@
-//! Scene files: what they may say, and what is said of those that are wrong.
+//! Scene files: what they may contain, and which errors wrong ones give.
 
 mod bad_scenes;
 mod example_scenes;

@@ -1,4 +1,5 @@
-//! Which files of the disk become files of a scene: what is used of its folder, and what its user names elsewhere.
+//! Which files on disk become files of a scene: those that it uses in its folder, and those that its user names
+//! elsewhere.
 
 use beamfarm_scene::{Edits, File, Files, ImportOptions, Reach, SceneFile, Written};
 use std::fs;
@@ -47,7 +48,7 @@ impl Disk {
         fs::write(path, text).unwrap();
     }
 
-    /// The keys of the scene's files but for its own, and its note on others; or the error's message.
+    /// The keys of the scene's files without its own, and its note on files elsewhere; or the error's message.
     fn read(&self, name: &str, allowed: &[&str]) -> Result<(Vec<String>, Option<String>), String> {
         let options = ImportOptions {
             allow_outside: allowed.iter().map(|name| self.path(name)).collect(),
@@ -60,7 +61,7 @@ impl Disk {
     }
 }
 
-/// A glTF file of a triangle by this buffer, with further buffers and images that nothing uses.
+/// A glTF file of a triangle in this buffer, with further buffers and images that nothing uses.
 fn gltf(buffer: &str, unused: &str) -> String {
     format!(
         r#"{{ "asset": {{ "version": "2.0" }}, "scenes": [{{ "nodes": [0] }}], "nodes": [{{ "mesh": 0 }}, {{ "mesh": 1 }}],
@@ -90,7 +91,7 @@ fn is_refused(read: Result<(Vec<String>, Option<String>), String>, what: &str) {
     assert!(error.contains("--allow-outside"), "{what}: {error}");
 }
 
-/// What nothing uses is not read, wherever it lies, and may not even be there.
+/// Unused files are not read, wherever they lie, and may even be missing.
 #[test]
 fn only_what_is_used_of_a_gltf_file_is_read() {
     let disk = Disk::new();
@@ -108,7 +109,7 @@ fn only_what_is_used_of_a_gltf_file_is_read() {
     }
 }
 
-/// Names elsewhere are good in the file that the user gives, and in no other one.
+/// The file that the user gives may name files elsewhere; no other file may.
 #[test]
 fn the_file_that_is_given_may_name_files_anywhere_and_others_may_not() {
     let disk = Disk::new();
@@ -121,7 +122,7 @@ fn the_file_that_is_given_may_name_files_anywhere_and_others_may_not() {
         assert_eq!(note.is_some(), file != "in.ply");
         assert!(note.is_none_or(|note| note.contains("out.ply")));
     }
-    // A glTF file, given and named by another one.
+    // A glTF file, given directly and named by another file.
     disk.put("scene/scene.toml", &format!("{HEAD}[[gltf]]\nfile = \"a.gltf\"\n"));
     disk.put("scene/a.gltf", &gltf("../beside/a.bin", "nowhere"));
     let (keys, note) = disk.read("scene/a.gltf", &[]).unwrap();
@@ -133,7 +134,7 @@ fn the_file_that_is_given_may_name_files_anywhere_and_others_may_not() {
         "a buffer, with another folder",
     );
     assert_eq!(disk.read("scene/scene.toml", &["beside"]).unwrap(), (keys, None));
-    // One that lies elsewhere has its own folder, and no more.
+    // One that lies elsewhere may use its own folder, and nothing more.
     disk.put(
         "scene/scene.toml",
         &format!("{HEAD}[[gltf]]\nfile = \"../beside/a.gltf\"\n"),
@@ -153,7 +154,7 @@ fn the_file_that_is_given_may_name_files_anywhere_and_others_may_not() {
     disk.put("scene/a.obj", OBJ);
     disk.put("scene/a.mtl", "newmtl a\nmap_Kd ../secret\n");
     is_refused(disk.read("scene/scene.toml", &[]), "an image");
-    // XML: of the file itself, of one that it includes, and of what that says for others to name.
+    // XML: what the file itself names, what an included file names, and what one passes to the other as a parameter.
     let ply = |file: &str| format!("<shape type=\"ply\"><string name=\"filename\" value=\"{file}\"/></shape>");
     let picture = "<texture type=\"bitmap\" id=\"t\"><string name=\"filename\" value=\"../secret\"/></texture>";
     let spectrum = "<shape type=\"sphere\"><bsdf type=\"diffuse\"><spectrum name=\"reflectance\" filename=\"../secret\"/>\
@@ -215,7 +216,7 @@ fn links_count_as_what_they_lead_to() {
     assert_eq!(disk.read("scene/scene.toml", &["beside"]).unwrap().0, ["way/out.ply"]);
 }
 
-/// Whatever a page writes, the scene's folder is not left, and what is elsewhere is not told.
+/// Whatever a page sends, it stays in the scene's folder, and nothing elsewhere is revealed.
 #[test]
 fn pages_stay_in_the_folder() {
     let disk = Disk::new();
@@ -232,7 +233,7 @@ fn pages_stay_in_the_folder() {
     };
     let inside = edit(&files, &mesh("in.ply"), &reach).unwrap();
     assert!(inside.files.contains_key("in.ply"));
-    // What was in use is still, where it is no longer kept.
+    // A file that was in use stays available where it is no longer kept.
     let back = edit(&inside, &mesh("../beside/out.ply"), &reach).unwrap();
     let kept = |files: &Files| files.files["%2E%2E/beside/out.ply"].hash();
     assert_eq!(kept(&back), File::new(PLY.as_bytes()).hash());
@@ -266,7 +267,7 @@ fn pages_stay_in_the_folder() {
     }
 }
 
-/// Scenes of the repository that name what lies in other folders go on.
+/// Scenes of the repository that use other folders still work.
 #[test]
 fn a_scene_elsewhere_may_name_what_lies_here() {
     let disk = Disk::new();

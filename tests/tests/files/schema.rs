@@ -1,4 +1,4 @@
-//! The JSON Schema of scene files: current, true of every scene here, and false of scenes that are wrong.
+//! The JSON Schema of scene files: up to date, and it accepts every scene here and rejects wrong ones.
 
 use beamfarm_scene::json_schema;
 use jsonschema::Validator;
@@ -53,7 +53,7 @@ fn every_scene_is_valid() {
     assert!(count > 5);
 }
 
-/// Every example says where the schema is, for editors.
+/// Every example names the schema, for editors.
 #[test]
 fn scenes_name_their_schema() {
     for entry in std::fs::read_dir(folder()).unwrap() {
@@ -123,7 +123,7 @@ fn wrong_scenes_are_not_valid() {
     }
 }
 
-/// Editors show every error: a wrong field or type is one.
+/// Editors show every error, so a wrong field or type must give only one.
 #[test]
 fn what_is_wrong_once_is_told_once() {
     let validator = validator();
@@ -151,7 +151,7 @@ fn what_is_wrong_once_is_told_once() {
 #[test]
 fn fields_are_described() {
     fn walk(schema: &Value, path: &str, missing: &mut Vec<String>) {
-        // What is said of the fields of one kind is beside what describes them.
+        // Fields of a single kind are described next to what they belong to.
         let is_of_kind = ["/if", "/then", "/else"].iter().any(|end| path.ends_with(end));
         if let Some(fields) = schema["properties"].as_object().filter(|_| !is_of_kind) {
             for (name, field) in fields {

@@ -1,4 +1,4 @@
-//! Media that emit: against integrals, in furnaces, and by every technique against the path tracer.
+//! Media that emit: against integrals, in furnaces, and with every technique against the path tracer.
 
 use beamfarm_harness::furnace::{closed_box, is_one};
 use beamfarm_harness::render::{Blocks, average, blocks_of, blur, images, is_long, reference_images, scene};
@@ -41,7 +41,7 @@ fn is_near(found: [f64; 3], expected: [f64; 3], tolerance: f64) {
     }
 }
 
-/// What a slab adds to the light behind it, and what a ball does along its diameter: e (1 - exp(-a d)) / a.
+/// What a slab adds to the light behind it, and a ball along its diameter: e (1 - exp(-a d)) / a.
 #[test]
 fn slabs_and_balls_emit_along_the_ray() {
     for (sigma_a, shape, depth) in [
@@ -72,8 +72,8 @@ fn slabs_and_balls_emit_along_the_ray() {
     }
 }
 
-/// By a grid: a Gaussian, whose integral along the ray is known by quadrature, in vacuum and in what absorbs evenly;
-/// also seen from its middle.
+/// A Gaussian on a grid, whose integral along the ray is known by quadrature: in vacuum, in an even absorber, and seen
+/// from its middle.
 #[test]
 fn grids_emit_along_the_ray() {
     let blob = |x: f64| libm::exp(-x * x / (2.0 * 0.09));
@@ -113,7 +113,7 @@ fn grids_emit_along_the_ray() {
     }
 }
 
-/// Where walls emit B and all that absorbs emits its absorption times B, every ray sees B.
+/// Where walls emit B and every absorber emits its absorption times B, every ray sees B.
 #[test]
 fn a_furnace_whose_medium_emits_what_it_absorbs() {
     const EVEN: &str = r#"
@@ -168,7 +168,7 @@ exterior = "hot"
     suite.finish();
 }
 
-/// Light of a ball on a floor below it, in vacuum: as of a point, since every point of it sends light to all sides.
+/// A ball lights a floor below it in vacuum like a point, since each of its points emits to all sides.
 #[test]
 fn a_ball_lights_a_floor_like_a_point() {
     let (radius, height, emitted) = (0.4, 1.0, 2.0);
@@ -206,7 +206,7 @@ fn a_ball_lights_a_floor_like_a_point() {
     }
 }
 
-/// Photons carry the light's power in the mean, wherever they start, and start where light is.
+/// Photons carry the light's power in the mean, wherever they start, and they start where the light is.
 #[test]
 fn photons_carry_what_is_emitted() {
     let text = format!(
@@ -237,7 +237,7 @@ fn photons_carry_what_is_emitted() {
         assert!(start.power.x < 4.0 * power.x, "{start:?}");
     }
     let mut suite = Suite::new(1e-3);
-    // The grid's Gaussian is linear between samples: wider by a little.
+    // The grid's Gaussian is linear between samples, and so a little wider.
     suite.mean_within("power", &mean, expected, 0.01);
     suite.finish();
 }
@@ -331,9 +331,9 @@ fn by(scene: &Scene, [media, surfaces, caustics]: [Option<Technique>; 3]) -> Blo
     blocks_of(scene, &RenderPlan::new(scene, settings), 8)
 }
 
-/// Every way to share the light among photons, beams and camera paths finds what the path tracer does, which samples no
-/// light: the flame seen straight, in steel and through glass; what it lights, also by way of glass; and in fog.
-/// Significance 1e-2 for all together.
+/// Every way to share the light among photons, beams and camera paths finds what the path tracer finds, which samples
+/// no light: the flame seen directly, in steel and through glass; what it lights, also through glass; and all of it in
+/// fog. Significance 1e-2 for all together.
 #[test]
 fn every_technique_finds_the_light_of_a_flame() {
     let mut suite = Suite::new(1e-2);

@@ -1,4 +1,4 @@
-//! Light of every kind of source, scattered once in thin fog, against numerical integration.
+//! Light from every kind of source, scattered once in thin fog, against numerical integration.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{blocks, blur, scene_with};
@@ -13,19 +13,19 @@ const SIZE: usize = 4;
 const BLOCK: usize = 2;
 /// Half the side of the cube of fog.
 const HALF: f64 = 3.0;
-/// Where a wall across the cube stands.
+/// The position of a wall across the cube.
 const WALL: f64 = -2.5;
 
-/// A luminaire that is round: 683, 341.5 and 0 cd at 0, 40 and 80 degrees.
+/// A round luminaire: 683, 341.5 and 0 cd at 0, 40 and 80 degrees.
 const LAMP: &str = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 6.83 3 1 1 2 0 0 0\n1 1 10\n0 40 80\n0\n100 50 0\n";
 
-/// Light that arrives at a point, as a sum over directions.
+/// Light that arrives at a point from one direction of a sum.
 struct Arriving {
     /// Unit, towards the light.
     wi: DVec3,
-    /// Way through fog.
+    /// Distance through fog.
     distance: f64,
-    /// Irradiance across `wi`, red, green, blue alike.
+    /// Irradiance across `wi`, the same for red, green and blue.
     irradiance: f64,
 }
 
@@ -45,7 +45,7 @@ fn from_point(at: DVec3, x: DVec3, intensity: f64) -> Arriving {
     }
 }
 
-/// To the cube's surface.
+/// Distance to the cube's surface.
 fn way_out(x: DVec3, dir: DVec3) -> f64 {
     let wall = |axis: usize| (HALF.copysign(dir[axis]) - x[axis]) / dir[axis];
     (0..3).map(wall).fold(f64::INFINITY, f64::min)
@@ -76,8 +76,8 @@ fn sphere(center: DVec3, radius: f64, radiance: f64, x: DVec3) -> Vec<Arriving> 
     all
 }
 
-/// Light of a ball from outside of it, whose radiance is `radiance` of the direction that it runs in, and which starts
-/// along each chord as photons do that are even across it: in the middle of it as often as at the sine of any angle.
+/// Light from a ball seen from outside, whose `radiance` depends on direction. Along each chord it starts where photons
+/// do that are even across the ball: the position is distributed as the sine of an even angle.
 fn see_through(center: DVec3, radius: f64, radiance: &dyn Fn(DVec3) -> f64, x: DVec3) -> Vec<Arriving> {
     let n = 4;
     let chords = sphere(center, radius, 1.0, x);
@@ -92,7 +92,7 @@ fn see_through(center: DVec3, radius: f64, radiance: &dyn Fn(DVec3) -> f64, x: D
     along.filter(|arriving| arriving.irradiance > 0.0).collect()
 }
 
-/// A square of half side `half` around `center` that shines down, and is black from above.
+/// A square of half side `half` around `center` that shines downwards and is black from above.
 fn panel(center: DVec3, half: f64, radiance: f64, x: DVec3) -> Vec<Arriving> {
     let n = 24;
     let mut all = Vec::new();
@@ -309,7 +309,7 @@ fn cases() -> Vec<Case> {
             ),
             arriving: Box::new(move |x| {
                 let mut all = panel(near, 0.5, 1.0, x);
-                // The panel is in the point light's way, for points in its shadow; the sun comes from below.
+                // The panel blocks the point light for points in its shadow; the sun comes from below.
                 let to = point - x;
                 let at = x + to * ((near.y - x.y) / to.y);
                 let off = (at - near).abs();
@@ -366,7 +366,7 @@ transform = [ {{ scale = {HALF} }}, {{ translate = [0.0, 0.0, {WALL}] }} ]
     )
 }
 
-/// Of phase functions.
+/// Asymmetries of the phase functions.
 const ASYMMETRIES: [f64; 3] = [0.0, 0.7, -0.4];
 
 /// Radiance through a pixel, by asymmetry.
@@ -374,7 +374,7 @@ fn pixel(case: &Case, x: usize, y: usize) -> [DVec3; 3] {
     let origin = DVec3::new(0.0, 0.0, 2.0);
     let tan = libm::tan(20f64.to_radians());
     let mut sums = [DVec3::ZERO; 3];
-    // A laser's beam has edges.
+    // A laser's beam has sharp edges.
     let (sub, n) = match case.name.starts_with("laser") {
         true => (12, 300),
         false => (2, 100),
@@ -431,11 +431,11 @@ fn light_of_every_kind_scattered_once_is_the_integral() {
                 let expected = expected[number];
                 for c in 0..3 {
                     let name = format!("{}, g = {g}, block {i}, channel {c}", case.name);
-                    // Light scattered twice, and the quadrature: another independent error of 2e-3.
+                    // Light scattered twice and the quadrature add another, independent error of 2e-3.
                     let off = (block[c].mean() - expected[c]).abs();
                     let error = block[c].std_error().hypot(2e-3 * expected[c]);
                     suite.p_value(format!("{name}: {off:e} off, error {error:e}"), two_sided(off / error));
-                    // Nothing is so bright now and then that the mean would hide it.
+                    // No rare bright samples, which the mean would hide.
                     let error = block[c].std_error() / expected[c];
                     assert!(error < 0.03 * blur(), "{}, g = {g}: {error}", case.name);
                 }

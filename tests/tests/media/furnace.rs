@@ -1,4 +1,4 @@
-//! The furnace: where every surface and every point of space sees radiance 1, the image is 1, whatever is in it.
+//! The furnace: where every surface and every point in space sees radiance 1, the image is 1, whatever it contains.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::furnace::{
@@ -6,13 +6,13 @@ use beamfarm_harness::furnace::{
 };
 use beamfarm_harness::render::{blur, images};
 
-/// Of each test, for all of its images, channels and quarters.
+/// For each test, over all its images, channels and quarters.
 const SIGNIFICANCE: f64 = 1e-3;
 
-/// Standard error of an image's mean at which a loss of 1 % stands out.
+/// Standard error of an image's mean at which a loss of 1 % is visible.
 const SHARP: f64 = 1.5e-3;
 
-/// One image, with so little noise that a loss of 1 % would be found.
+/// The image is 1, with so little noise that a loss of 1 % would be found.
 fn is_one_sharply(name: &str, toml: &str, passes: u64) {
     let mut suite = Suite::new(SIGNIFICANCE);
     let error = is_one(&mut suite, name, toml, &[], images(passes));
@@ -41,8 +41,8 @@ fn closed_box_with_leaves() {
     is_one_sharply("leaves", &closed_box(0.5, LEAVES), 400);
 }
 
-/// Beams that pass close by the camera make the noise large: losses of some percent are found here, smaller ones in the
-/// clouds below.
+/// Beams close to the camera make the noise large: this finds losses of some percent; the clouds below find smaller
+/// ones.
 #[test]
 fn closed_box_full_of_a_medium_that_absorbs_nothing() {
     let fog = r#"
@@ -66,7 +66,7 @@ fn white_surfaces_under_the_sky() {
     is_one_sharply("white and glass", &under_the_sky(WHITE_AND_GLASS), 48);
 }
 
-/// A ball of a medium under the sky that fills the picture. So much of the light is absorbed where it is scattered.
+/// A ball of a medium that fills the picture, under the sky; `absorbed` is the share lost at each scattering.
 fn cloud(sigma_t: [f64; 3], absorbed: f64) -> String {
     let [sigma_a, sigma_s] = [absorbed, 1.0 - absorbed].map(|share| sigma_t.map(|s| share * s));
     let cloud = format!(
@@ -89,7 +89,7 @@ interior = "cloud"
     under_the_sky(&cloud).replace("fov = 40.0", "fov = 14.0")
 }
 
-/// Clouds of which beams bring the light, and of which camera paths find it, with their passes.
+/// Clouds whose light comes by beams, and by camera paths, with their numbers of passes.
 const CLOUDS: [(&str, [f64; 3], u64); 2] = [
     ("thin cloud", [0.8, 1.0, 1.2], 32),
     ("dense cloud", [2.0, 3.0, 6.0], 200),

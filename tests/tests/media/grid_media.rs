@@ -1,9 +1,9 @@
-//! Images of media whose density is given on a grid, those of the reference integrator as well, against a path tracer,
+//! Media with a density on a grid, rendered by passes and by the reference integrator, against a path tracer,
 //! quadrature and homogeneous media.
 //!
-//! Compared are means over blocks of pixels, whose standard errors come from the passes' own block means. Kernels blur
-//! and lose a little light at edges, in proportion to their radius: scenes name a small one, and each comparison allows
-//! for a stated share of the expected value besides its errors.
+//! The tests compare means over blocks of pixels, whose standard errors come from the passes' own block means. Kernels
+//! blur and lose a little light at edges, in proportion to their radius: scenes set a small one, and each comparison
+//! allows a stated share of the expected value besides its errors.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::furnace::{closed_box, is_one, under_the_sky};
@@ -34,7 +34,7 @@ const CAMERA: Camera = Camera {
     size: SIZE,
 };
 
-/// Samples from 0 to 4 that vary a lot between neighbours, a third of them zero, on a grid of [`RESOLUTION`].
+/// Samples from 0 to 4 that vary strongly between neighbours, a third of them zero, on a grid of [`RESOLUTION`].
 fn lumps(to_world: DAffine3) -> Grid {
     let sample = |i: u32| {
         let mut x = (i + 1).wrapping_mul(0x9E37_79B9);
@@ -50,7 +50,7 @@ fn lumps(to_world: DAffine3) -> Grid {
     Grid::new(RESOLUTION, (0..count as u32).map(sample).collect(), to_world)
 }
 
-/// Where a unit cube is: its size, the angle by which it is turned, its centre.
+/// Placement of a unit cube: its size, its rotation angle, its centre.
 fn placed(size: DVec3, degrees: f64, center: DVec3) -> DAffine3 {
     let axis = DVec3::new(1.0, 2.0, -0.5).normalize();
     DAffine3::from_translation(center)
@@ -192,7 +192,7 @@ fn lit_room(grid: Grid) -> Room {
     }
 }
 
-/// What the reference integrator sees.
+/// What the reference integrator renders.
 fn reference(scene: &Scene) -> Blocks {
     let settings = ReferenceSettings::default();
     Blocks::new(reference_images(scene, settings, 64, 8), BLOCK)
@@ -200,7 +200,7 @@ fn reference(scene: &Scene) -> Blocks {
 
 #[test]
 fn a_room_of_lumpy_smoke_is_what_a_path_tracer_sees() {
-    // The grid does not quite fill the room: its border is in it.
+    // The grid does not quite fill the room, so its border is inside.
     let (size, center) = (DVec3::new(2.4, 2.0, 2.2), DVec3::new(0.1, -0.05, 0.05));
     let to_world = placed(size, 25.0, center);
     let room = lit_room(lumps(to_world));
@@ -208,7 +208,7 @@ fn a_room_of_lumpy_smoke_is_what_a_path_tracer_sees() {
     // Significance 1e-3 for all images; 0.5 % for kernels.
     let mut suite = Suite::new(1e-3);
     let estimators = ["", "transmittance = \"ratio_tracking\""];
-    // The first is the cloud's below as well.
+    // The first is also that of the cloud below.
     for estimator in &estimators[usize::from(!is_long())..] {
         let text = [
             &head(&CAMERA, 180, 8000),
@@ -227,7 +227,7 @@ fn a_room_of_lumpy_smoke_is_what_a_path_tracer_sees() {
 
 #[test]
 fn a_cloud_in_a_cube_is_what_a_path_tracer_sees() {
-    // A boundary like glass without refraction, vacuum around it; the cube is turned, and the light is outside.
+    // An index-matched glass boundary with vacuum around it; the cube is rotated, and the light is outside.
     let center = DVec3::new(0.15, -0.1, -0.1);
     let to_world = placed(DVec3::new(1.1, 0.9, 1.0), 40.0, center);
     let room = Room {
@@ -298,7 +298,7 @@ fn smoke_of_many_colours_is_what_a_path_tracer_sees() {
     suite.finish();
 }
 
-/// A half everywhere, in one channel or three or a graph, is the colour of a half, to the bit.
+/// An albedo of one half everywhere, in one channel, in three or as a graph, gives the bits of the colour one half.
 #[test]
 fn an_albedo_of_one_value_is_a_colour() {
     let room = lit_room(lumps(cube()));
@@ -330,7 +330,7 @@ fn constant_density_is_a_homogeneous_medium() {
             + &furniture(&room);
         blocks(&scene_with(&text, assets), BLOCK)
     };
-    // Significance 1e-3 for all of it; the blur of kernels is the same in both.
+    // Significance 1e-3 for all of them; the blur of kernels is the same in both.
     let mut suite = Suite::new(1e-3);
     let expected = image(1, "type = \"homogeneous\"", &[]);
     let recipe = "type = \"heterogeneous\"\ndensity = { min = [-1, -1, -1], max = [1, 1, 1] }\ntransmittance = ";
@@ -338,14 +338,14 @@ fn constant_density_is_a_homogeneous_medium() {
         let got = image(2 + i, &format!("{recipe}{estimator}"), &[]);
         suite.same_blocks(estimator, &got, &expected, 0.0);
     }
-    // The file says 2, the scene half of it.
+    // The file says 2, the scene half of that.
     let twos = Grid::new([3, 2, 4], vec![2.0; 24], cube());
     let got = image(9, &of_file(cube(), "scale = 0.5"), &[(VOL, &twos.vol())]);
     suite.same_blocks("file", &got, &expected, 0.0);
     suite.finish();
 }
 
-/// The wall at z = -1 alone.
+/// Only the wall at z = -1.
 const FACING: Camera = Camera {
     origin: DVec3::new(0.1, -0.15, 0.85),
     target: DVec3::new(-0.05, 0.05, -1.0),
@@ -353,7 +353,7 @@ const FACING: Camera = Camera {
     size: SIZE,
 };
 
-/// Means over the blocks of what is seen at points of the wall at z = -1, by quadrature with 6 x 6 points a pixel.
+/// Block means of the radiance of points of the wall at z = -1, by quadrature with 6 x 6 points per pixel.
 fn seen(radiance: impl Fn(DVec3, usize) -> f64) -> Vec<[f64; 3]> {
     const POINTS: usize = 6;
     let side = BLOCK * POINTS;
@@ -379,7 +379,7 @@ fn absorbed(name: &str, passes: usize, rest: &str, radiance: impl Fn(DVec3, usiz
     let to_world = absorbing_place();
     let file = lumps(to_world).vol();
     let expected = seen(radiance);
-    // Significance 1e-3 for all of it; 1e-4 for rounding and quadrature.
+    // Significance 1e-3 for all of them; 1e-4 for rounding and quadrature.
     let mut suite = Suite::new(1e-3);
     for estimator in ESTIMATORS {
         let medium = of_file(to_world, &format!("transmittance = {estimator}"));

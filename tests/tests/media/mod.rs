@@ -1,4 +1,4 @@
-//! Fog, smoke, clouds and water. Against furnaces, integrals and one another.
+//! Fog, smoke, clouds and water, against furnaces, integrals and each other.
 
 mod emission;
 mod fog_lights;

@@ -1,4 +1,4 @@
-//! Media without a surface that overlap add up.
+//! Overlapping media without surfaces add up.
 
 use beamfarm_harness::differential::{Effort, examine};
 use beamfarm_harness::render::{average, blocks, is_long, reference_images, scene};
@@ -7,7 +7,7 @@ use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::world::medium::Medium;
 use beamfarm_render::world::nested::{Outcome, Reason};
 
-/// Boxes of depth 1 before a lamp, seen by parallel rays: three pixels of a row.
+/// Boxes of depth 1 in front of a lamp, seen by parallel rays: a row of three pixels.
 const VIEW: &str = r#"
 image = { width = 6, height = 2 }
 render = { passes = 4, paths = 100 }
@@ -32,7 +32,7 @@ fn cube(name: &str, medium: &str, at: [f64; 2], more: &str) -> String {
     )
 }
 
-/// Pixels of a row at x = -0.625, -0.375, ..., 0.625: by passes and by the path tracer.
+/// Pixels of a row at x = -0.625, -0.375, ..., 0.625, by passes and by the path tracer.
 fn rows(text: &str) -> [Vec<f64>; 2] {
     let scene = scene(text);
     assert_eq!(scene.misplaced(), [""; 0]);
@@ -63,7 +63,7 @@ fn absorption_adds_up() {
         assert_eq!(met[0].outcome, Outcome::AddUp { is_exact: true });
         are_seen(&format!("{VIEW}{media}{shapes}"), [1.0, 1.0, 1.5, 1.5, far, far]);
     }
-    // In part along the ray.
+    // Overlapping along part of the ray.
     let shapes = cube("a", "a", [-0.25, 0.0], "") + &cube("b", "b", [0.25, 0.4], "");
     are_seen(&format!("{VIEW}{media}{shapes}"), [1.0, 1.0, 1.5, 1.5, 0.5, 0.5]);
     // The one that has a priority displaces the other.
@@ -85,7 +85,7 @@ fn absorption_adds_up() {
         &format!("{VIEW}{media}{}{small}", cube("a", "a", [0.0, 0.0], "")),
         [0.0, 1.0, 1.25, 1.25, 1.0, 0.0],
     );
-    // One that says what is around it displaces that, as ever.
+    // A box that names its exterior displaces that, as always.
     let named = small.replace("material", "exterior = \"a\"\nmaterial");
     are_seen(
         &format!("{VIEW}{media}{}{named}", cube("a", "a", [0.0, 0.0], "")),
@@ -129,7 +129,7 @@ fn fog(medium: &str, x: [f64; 2]) -> String {
     )
 }
 
-/// Two of the same fog are one of twice the density, where they overlap or all over.
+/// Two volumes of the same fog make one of twice the density, where they overlap in part or everywhere.
 #[test]
 fn fog_twice_is_fog_of_twice_the_density() {
     let mut suite = Suite::new(1e-3);
@@ -151,7 +151,7 @@ fn fog_twice_is_fog_of_twice_the_density() {
     suite.finish();
 }
 
-/// Of two phase functions as well: by every class of light path, and by a medium that is said to be the sum.
+/// With two phase functions as well: for every class of light path, and against a medium declared as the sum.
 #[test]
 fn phase_functions_are_mixed() {
     let overlap = scene(&format!("{LIT}{}{}", fog("a", [-0.9, 0.3]), fog("b", [-0.3, 0.9])));

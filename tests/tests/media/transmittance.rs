@@ -57,7 +57,7 @@ impl Profile {
         }
     }
 
-    /// Least and largest density of a stretch: the profiles rise, or rise and fall around 0.9.
+    /// Least and greatest density over a stretch: the profiles rise, or rise and fall around 0.9.
     fn range(self, start: f64, end: f64) -> [f64; 2] {
         let (a, b) = (self.density(start), self.density(end));
         let inner = if start < 0.9 && 0.9 < end { self.density(0.9) } else { a };
@@ -72,7 +72,7 @@ enum Bounds {
     PerCell,
 }
 
-/// A profile walked from one of its ends.
+/// A profile traversed from one of its ends.
 #[derive(Clone, Copy, Debug)]
 struct Way {
     profile: Profile,
@@ -117,7 +117,7 @@ impl Way {
             .collect()
     }
 
-    /// One function of the distance, as it is cached.
+    /// One step function of the distance, as it is cached.
     fn walk(&self, spans: &[Span], sampler: &mut Sampler, steps: &mut StepFunctions) -> u32 {
         let number = steps.begin();
         let density = |t: f32| self.profile.density(self.place(t as f64)) as f32;
@@ -153,7 +153,7 @@ fn ways() -> Vec<Way> {
     ways
 }
 
-/// Batches of 2048 repetitions, and distances that are looked at.
+/// Batches of 2048 repetitions, and the distances examined.
 const BATCHES: usize = 24;
 const REPETITIONS: usize = 2048;
 const DISTANCES: usize = 12;
@@ -168,7 +168,7 @@ fn profiles_are_met_at_every_distance_and_the_error_falls_as_one_over_root_n() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// What is wrong with a way, if anything is.
+/// What is wrong with a way, if anything.
 fn check(index: u64, way: &Way) -> Vec<String> {
     let spans = way.spans();
     let distance = |k: usize| LENGTH * (k as f64 + 0.7) / DISTANCES as f64;
@@ -193,7 +193,7 @@ fn check(index: u64, way: &Way) -> Vec<String> {
     }
     let mut failures = Vec::new();
     for (place, (values, &expected)) in values.iter().zip(&expected).enumerate() {
-        // Where next to nothing is met, means of 2048 are as far from normal as single ones.
+        // Where almost nothing is hit, means of 2048 are as far from normal as single values.
         if expected > 0.99 {
             continue;
         }
@@ -210,8 +210,8 @@ fn check(index: u64, way: &Way) -> Vec<String> {
                 .chunks_exact(count)
                 .map(|group| group.iter().sum::<f64>() / count as f64 - expected)
                 .collect();
-            // The first mean of 2048 is within 4 standard errors. Few repetitions are not distributed normally, and
-            // more of them may be off: Chebyshev's inequality allows one in sixteen.
+            // The first mean of 2048 lies within 4 standard errors. Means of few repetitions are not normally
+            // distributed, and more of them may lie outside: Chebyshev's inequality allows one in sixteen.
             let bound = 4.0 * sigma / (count as f64).sqrt() + rounding;
             let outside = errors.iter().filter(|e| e.abs() > bound).count();
             let first_is = count == REPETITIONS && errors[0].abs() > bound;
@@ -221,11 +221,12 @@ fn check(index: u64, way: &Way) -> Vec<String> {
                     errors.len()
                 ));
             }
-            // Their squared error is sigma^2 / n on average.
+            // Their mean squared error is sigma^2 / n.
             let squares: MeanEstimate = errors.iter().map(|error| error * error).collect();
             let predicted = all.variance() / count as f64;
             let bound = 4.0 * squares.std_error() + rounding * rounding + 1e-9 * predicted;
-            // With few groups their spread is itself uncertain: a chi-square of 24 degrees is far from normal.
+            // With few groups their spread is itself uncertain: chi-square with 24 degrees of freedom is far from
+            // normal.
             let bound = bound.max(if count == REPETITIONS { 1.3 * predicted } else { 0.0 });
             if (squares.mean() - predicted).abs() > bound {
                 fail(format!("squared error of {count}: {} not {predicted}", squares.mean()));
@@ -238,8 +239,7 @@ fn check(index: u64, way: &Way) -> Vec<String> {
     failures
 }
 
-/// Where it is thin to one channel and hundreds of mean free paths to another, estimates are numbers all the same, and
-/// right.
+/// Where it is thin in one channel and hundreds of mean free paths in another, estimates are still finite, and right.
 #[test]
 fn channels_may_differ_as_much_as_they_like() {
     let mut failures = Vec::new();
@@ -282,7 +282,7 @@ fn channels_may_differ_as_much_as_they_like() {
             }
             for (mean, sigma_t) in means.iter().zip(sigma_t.to_array()) {
                 let expected = libm::exp(-f64::from(sigma_t) * profile.depth(LENGTH));
-                // Less comes in tails that so few walks do not have.
+                // Lower values come from tails that this few walks do not reach.
                 if expected > 0.01 && (mean.mean() - expected).abs() > 4.0 * mean.std_error() + 3e-7 {
                     failures.push(format!(
                         "{profile:?} * {scale}, {estimator}: {} +- {} not {expected}",
@@ -296,7 +296,7 @@ fn channels_may_differ_as_much_as_they_like() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// A lumpy density in a box that is turned, stretched and moved.
+/// A lumpy density in a box that is rotated, stretched and moved.
 fn lumps(estimator: Estimator) -> Heterogeneous {
     let recipe = Recipe {
         corners: [DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 1.5, 1.2)],
@@ -337,7 +337,7 @@ fn lumps(estimator: Estimator) -> Heterogeneous {
     )
 }
 
-/// Rays through the box: from outside, from within, past it, and one along an axis of space.
+/// Rays through the box: from outside, from within, past it, and one along a coordinate axis.
 fn rays() -> Vec<(Ray, f32)> {
     let middle = Vec3::new(3.0, -1.0, 1.0);
     let mut sampler = Sampler::new(3, 0, Purpose::Test, 0);
@@ -428,7 +428,7 @@ fn flights_scatter_where_and_as_much_as_they_should() {
         };
         let [start, end] = track.range;
         let edges = [0.3, 0.6, 1.0].map(|f| start + (end - start) * f);
-        // By third of the way and channel, and what passed.
+        // By third of the path and channel, and what passed.
         let mut means = vec![MeanEstimate::new(); 12];
         for round in 0..20_000 {
             let mut sampler = Sampler::new(6, i as u64, Purpose::Test, round);
@@ -463,7 +463,7 @@ fn flights_scatter_where_and_as_much_as_they_should() {
     suite.finish();
 }
 
-/// Where every channel collides at every event, or some do and light of some channels is missing or all but missing,
+/// Where every channel collides at every event, or some do and the light of some channels is zero or almost zero,
 /// nothing is lost, gained or undefined: without absorption, flights keep the flux exactly.
 #[test]
 fn flights_keep_the_flux_where_channels_differ_as_much_as_they_can() {

@@ -1,4 +1,4 @@
-//! Heterogeneous media of scenes are what the format says: densities in their places, and defaults.
+//! A scene's heterogeneous media follow the format: densities in their places, and defaults.
 
 use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_image::bundle::Bundle;
@@ -46,7 +46,7 @@ fn heterogeneous(scene: &SceneDescription) -> Vec<&Heterogeneous> {
         .collect()
 }
 
-/// The medium with this density, of these further fields.
+/// The medium with this density and these further fields.
 fn medium(density: &str, fields: &str, volumes: &[&str]) -> Heterogeneous {
     let text = format!(
         "[media.cloud]\ntype = \"heterogeneous\"\nsigma_a = 0.5\nsigma_s = [1, 2, 3]\ndensity = {{ {density} }}\n{fields}"
@@ -54,7 +54,7 @@ fn medium(density: &str, fields: &str, volumes: &[&str]) -> Heterogeneous {
     heterogeneous(&load(&text, volumes))[0].clone()
 }
 
-/// Density at a point of the world.
+/// Density at a point in world space.
 fn at(medium: &Heterogeneous, point: DVec3) -> f32 {
     medium.density((point - DVec3::new(0.0, 0.0, 5.0)).as_vec3())
 }
@@ -177,7 +177,7 @@ const HEIGHT: &str = "height = { base = 4.5, scale = 2.5 }";
 const BLOBS: &str = "blobs = [{ center = [0, 5, 3], radius = 2 }, { center = [6, 10, 4], radius = 1.5, density = 3 }]";
 const NOISE: &str = "noise = { size = 3, octaves = 2, gain = 0.25, contrast = 1.5, seed = 9 }";
 
-/// The places of the samples of `BOX`.
+/// Positions of the samples of `BOX`.
 fn places() -> impl Iterator<Item = DVec3> {
     let place = |i: u32| DVec3::new((i % 16) as f64, (i / 16 % 24) as f64, (i / 384) as f64);
     (0..16 * 24 * 8).map(move |i| DVec3::new(-2.75, 1.25, 2.25) + 0.5 * place(i))
@@ -211,7 +211,7 @@ fn recipes_follow_their_formulas() {
         let expected = by_height * by_blobs * f64::from(at(&noise, p));
         assert!(is_near(at(&product, p), expected), "{p}");
     }
-    // Up to the sides of the box its outermost samples go on; beyond there is nothing.
+    // The outermost samples extend to the sides of the box; beyond it there is nothing.
     for (inside, outside) in [
         (DVec3::new(-2.999, 2.0, 3.0), DVec3::new(-3.001, 2.0, 3.0)),
         (DVec3::new(0.0, 12.999, 3.0), DVec3::new(0.0, 13.001, 3.0)),
@@ -281,7 +281,7 @@ fn noise_is_what_the_format_says() {
         let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64;
         let spread = values.iter().map(|v| (f64::from(*v) - mean) * (f64::from(*v) - mean));
         let deviation = libm::sqrt(spread.sum::<f64>() / values.len() as f64);
-        // Five standard errors, if its 16^3 cells of a deviation of about 0.2 were independent.
+        // Five standard errors, as if its 16^3 cells with a deviation of about 0.2 were independent.
         assert!((mean - 1.0).abs() < 0.015, "{mean}");
         assert!((0.1..0.3).contains(&deviation), "{deviation}");
     }
@@ -290,14 +290,14 @@ fn noise_is_what_the_format_says() {
     let mean = strong.iter().map(|v| f64::from(*v)).sum::<f64>() / strong.len() as f64;
     assert!((mean - 1.0).abs() < 0.03, "{mean}");
 
-    // Contrast is a factor, and what is below zero is cut off.
+    // Contrast is a factor, and values below zero are cut off.
     let (half, strong) = (noise("contrast = 0.5", 1.0), noise("contrast = 8", 1.0));
     for (a, b) in half.iter().zip(&strong) {
         let expected = (1.0 + 16.0 * (a - 1.0)).max(0.0);
         assert!((b - expected).abs() < 1e-5, "{a} {b}");
     }
     assert!(strong.contains(&0.0));
-    // Octaves without strength are none, and all sizes look alike.
+    // Octaves of zero strength are like none, and features of all sizes look alike.
     assert_eq!(
         bits(&noise("octaves = 1", 1.0)),
         bits(&noise("octaves = 5, gain = 0", 1.0))
@@ -342,8 +342,8 @@ fn plans_say_how_transmittance_is_found() {
     }
 }
 
-/// Light from infinitely far away reaches the world's medium, which ends at its box, as it does the interior of a shape
-/// around it.
+/// Light from infinity reaches the world's medium, which ends at its box, as it reaches the interior of a shape around
+/// it.
 #[test]
 fn light_from_infinity_reaches_a_bounded_world_medium() {
     let mut suite = Suite::new(0.01);
@@ -375,7 +375,7 @@ fn light_from_infinity_reaches_a_bounded_world_medium() {
     suite.finish();
 }
 
-/// The examples of docs/scenes.md are what the reader takes.
+/// The reader accepts the examples of docs/scenes.md.
 #[test]
 fn examples_of_the_description_load() {
     let text = include_str!("../../../docs/scenes.md");
@@ -384,7 +384,7 @@ fn examples_of_the_description_load() {
     let mut count = 0;
     for example in examples {
         let example = example.split("```").next().unwrap();
-        // Of the file that the tests have one grid is at hand.
+        // Of the volume files, the tests have one with a single grid.
         let example = ["flame", "temperature"]
             .iter()
             .fold(example.to_string(), |example, grid| {

@@ -1,5 +1,5 @@
-//! Rough coats and principled surfaces: their rough lobe shows what rules for reflected rays leave it, and their
-//! diffuse lobe is lit as ever.
+//! Rough coats and principled surfaces: their rough lobe shows what rules for reflected rays allow, and their diffuse
+//! lobe is lit as usual.
 
 use super::{VIEW, different, same_means};
 
@@ -20,7 +20,7 @@ emission = { radiance = 20 }
 transform = [{ scale = 0.4 }, { look_at = { origin = [-1, 3, 3], target = [0, 0.5, 0.3] } }]
 "#;
 
-/// Seen in the panel; it throws no shadow.
+/// It is seen in the panel and throws no shadow.
 const BALL: &str = r#"
 [[shapes]]
 name = "ball"
@@ -37,7 +37,7 @@ const GLOSS: [&str; 3] = [
     "type = \"principled\"\nroughness = 0.4\nmetallic = 1\nbase_color = [0.9, 0.6, 0.3]",
     "type = \"principled\"\nroughness = 0.4\nspecular = 0.9\nbase_color = 0",
 ];
-/// Over white or grey.
+/// Coats over white or grey.
 const COATS: [&str; 2] = [
     "type = \"rough_plastic\"\nalpha = 0.15\nior = 1.8\nreflectance = 0.6",
     "type = \"principled\"\nroughness = 0.4\nspecular = 0.9\nmetallic = 0.2\nbase_color = 0.6",
@@ -61,7 +61,7 @@ fn gloss_over_black_shows_what_rules_leave_it() {
     }
 }
 
-/// A rule that hides nothing of what there is to see has the lobes looked at one by one.
+/// A rule that hides nothing visible makes the renderer evaluate the lobes one by one.
 #[test]
 fn lobes_apart_are_the_whole() {
     let far = "[[shapes]]\nname = \"far\"\ntype = \"sphere\"\ncenter = [0, 0.7, -6]\nradius = 0.5\n\
@@ -73,7 +73,7 @@ fn lobes_apart_are_the_whole() {
     }
 }
 
-/// A coat that reflects nothing: what lights the base is not in the hands of rules for reflected rays.
+/// A coat that reflects nothing: rules for reflected rays do not affect the light on the base.
 #[test]
 fn the_base_is_lit_by_what_gloss_does_not_show() {
     let without = scene(&format!("{}\nspecular_reflectance = 0", COATS[0]));

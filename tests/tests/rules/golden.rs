@@ -1,4 +1,4 @@
-//! A small picture for each type of ray and each way of listing: see `golden.rs` beside this folder.
+//! A small picture for each type of ray and each way of listing: see `truth/golden.rs`.
 
 use beamfarm_harness::render::{average, scene};
 use beamfarm_image::exr::pixel_hash;

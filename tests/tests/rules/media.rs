@@ -1,8 +1,8 @@
-//! Photons in media: they belong to the object that bounds them.
+//! Photons in media, which belong to the object that bounds them.
 
 use super::{VIEW, different, same_bits, same_means};
 
-/// A box of fog over a black floor; FOG and, in some tests, what is in front of the light.
+/// A box of fog over a black floor. FOG stands for the fog; some tests put something in front of the light.
 const BOX: &str = r#"
 [materials.black]
 type = "diffuse"
@@ -68,7 +68,7 @@ fn photons_of_a_light_leave_nothing_in_fog() {
             let ruled = format!("{both}[[rules]]\nrays = [\"photon\"]\n{rule}\n");
             same_means(&ruled, &one, 0.01);
         }
-        // No light at all: fog that absorbs and does not scatter.
+        // No light at all: the fog only absorbs.
         let none = format!("{one}[[rules]]\nrays = [\"photon\"]\non = [\"box\"]\nexclude = [\"one\"]\n");
         let pixels = super::pixels(&beamfarm_harness::render::scene(&none));
         assert!(pixels.iter().all(|p| *p == [0.0; 3]));
@@ -97,7 +97,8 @@ fn a_box_that_the_camera_does_not_see_has_no_fog_for_it() {
         let rule = "[[rules]]\nrays = [\"camera\"]\nexclude = [\"box\"]\n";
         let without = with.replace("sigma_s = 0.8", "sigma_s = 0");
         let without = without.replace("sigma_a = 0.2", "sigma_a = 1");
-        // The floor under it is lit through the fog, and seen without: by what an absorbing box lets through, and more.
+        // The floor under it is lit through the fog and seen without it: brighter, at least by what an absorbing box
+        // lets through.
         let seen = beamfarm_harness::render::blocks(&beamfarm_harness::render::scene(&format!("{with}{rule}")), 8);
         let less = beamfarm_harness::render::blocks(&beamfarm_harness::render::scene(&format!("{without}{rule}")), 8);
         for (seen, less) in seen.blocks.iter().flatten().zip(less.blocks.iter().flatten()) {
@@ -130,7 +131,7 @@ fn beams_pass_what_rules_hide() {
     let with = format!("{without}{ball}visible = [\"photon\"]\n");
     different(&with, &without);
     let rule = |rule: &str| format!("{with}[[rules]]\nrays = [\"photon\"]\n{rule}\n");
-    // All of it; and only what the mirror sends and fog scatters, which is all that the ball is in the way of, nearly.
+    // All of it; then only what the mirror sends and fog scatters, which is nearly all that the ball blocks.
     same_bits(&rule("exclude = [\"ball\"]"), &without);
     same_bits(
         &rule("on = [\"spot\", \"mirror\", \"world\"]\nexclude = [\"ball\"]"),

@@ -1,8 +1,8 @@
-//! Gather rays and photons share the light that surfaces send each other: with rules on some of them, it stays whole.
+//! Gather rays and photons share the light between surfaces: rules for some of them leave it whole.
 
 use super::{VIEW, different, same_means};
 
-/// A wall in the light, a floor that sees the wall, and a black screen between them that takes no light from the wall.
+/// A lit wall, a floor that sees the wall, and a black screen between them that takes no light from the wall.
 const ROOM: &str = r#"
 [materials.white]
 type = "diffuse"
@@ -70,7 +70,7 @@ fn view() -> String {
         .replace("target = [0, 0.7, 0]", "target = [-0.4, 0, 0]")
 }
 
-/// Gather rays pass the screen if most photons do; here most do not, but those of the floor and the wall.
+/// Gather rays pass the screen if most photons do. Here most do not; those of the floor and the wall do.
 #[test]
 fn light_comes_from_walls_whose_photons_have_rules_of_their_own() {
     let without = format!("{}{ROOM}", view());
@@ -86,8 +86,7 @@ fn light_comes_from_walls_whose_photons_have_rules_of_their_own() {
     }
 }
 
-/// What photons leave on a floor that excludes a light is not seen on it, and not lost to the wall that the floor
-/// lights.
+/// Photons of a light that a floor excludes are not seen on the floor, but still light the wall through it.
 #[test]
 fn a_floor_lights_others_by_what_it_does_not_show() {
     let lamp =
@@ -98,11 +97,11 @@ fn a_floor_lights_others_by_what_it_does_not_show() {
         .replace("target = [-0.4, 0, 0]", "target = [-2, 1.2, 0]")
         .replace("fov = 40", "fov = 17");
     let ruled = format!("{plain}[[rules]]\non = [\"floor\"]\nrays = [\"photon\"]\nexclude = [\"lamp\", \"sun\"]\n");
-    // The picture is all wall.
+    // Only the wall is in the picture.
     same_means(&ruled, &plain, 0.02);
 }
 
-/// Gloss and shadow rules: direct light by light and BSDF sampling hides the same things as light sampling alone.
+/// Gloss and shadow rules: combining light and BSDF sampling hides the same things as light sampling alone.
 #[test]
 fn linked_gloss_is_that_of_a_scene_with_fewer_lights() {
     let gloss = "[materials.satin]\ntype = \"rough_conductor\"\nalpha = 0.15\npreset = \"silver\"\n\

@@ -1,4 +1,4 @@
-//! Object visibility rules: each does to the picture what removing things by hand does.
+//! Object visibility rules: each changes the picture as removing things by hand does.
 
 mod coats;
 pub mod golden;
@@ -14,7 +14,7 @@ use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
-/// The pixels of some passes, one after the other.
+/// The pixels of several passes, one after the other.
 fn pixels(scene: &Scene) -> Vec<[f32; 3]> {
     let defaults = scene.description().defaults;
     let plan = RenderPlan::new(scene, defaults.job_settings());
@@ -24,7 +24,7 @@ fn pixels(scene: &Scene) -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// The same bits, and not of a black picture.
+/// The pictures have the same bits and are not black.
 #[track_caller]
 fn same_bits(one: &str, other: &str) {
     let (one, other) = (scene(one), scene(other));
@@ -39,8 +39,8 @@ fn different(one: &str, other: &str) {
     assert!(pixels(&scene(one)) != pixels(&scene(other)), "the same pictures");
 }
 
-/// Means over blocks of 8 x 8 pixels are the same at a significance of 1e-4 for all of them together, apart from
-/// `bias`, relative.
+/// Means over blocks of 8 x 8 pixels are the same at a significance of 1e-4 for all of them together, apart from a
+/// relative `bias`.
 #[track_caller]
 fn same_means(one: &str, other: &str, bias: f64) {
     let [one, other] = [one, other].map(|text| blocks(&scene(text), 8));

@@ -1,4 +1,4 @@
-//! The path tracer, which shares no estimator with the beams, obeys the rules of all rays but photons.
+//! The path tracer, which shares no estimator with the beams, obeys the rules of all rays except photons.
 
 use super::VIEW;
 use beamfarm_harness::Suite;
@@ -78,7 +78,7 @@ fn room() -> String {
     format!("{view}{ROOM}")
 }
 
-/// All rules at once: they all have to do with each other.
+/// All rules at once, since they affect each other.
 fn all() -> String {
     let rules = RULES.iter().map(|rule| format!("[[rules]]\n{rule}\n"));
     rules.collect()
@@ -112,7 +112,7 @@ fn same_as_the_path_tracer(plain: &str, rule_sets: impl IntoIterator<Item = Stri
         let beams = blocks(&scene, 8);
         let settings = ReferenceSettings::default();
         let truth = Blocks::new(reference_images(&scene, settings, 24, 12), 8);
-        // Together the rules matter: without them the picture is another one.
+        // Together the rules matter: without them the picture differs.
         let other = blocks(&plain_scene, 8);
         let differ = other.blocks.iter().flatten().zip(truth.blocks.iter().flatten());
         let differ = differ.map(|(a, b)| (a.mean() - b.mean()).abs() / a.std_error().hypot(b.std_error()));
@@ -120,7 +120,7 @@ fn same_as_the_path_tracer(plain: &str, rule_sets: impl IntoIterator<Item = Stri
             rules.len() < RULES[0].len() * 3 || differ.fold(0.0, f64::max) > 8.0,
             "{rules}: no effect"
         );
-        // Kernels blur by a little.
+        // Kernels blur a little.
         let mut suite = Suite::new(1e-4);
         suite.same_blocks(&rules, &beams, &truth, 0.01);
         suite.finish();

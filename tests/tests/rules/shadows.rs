@@ -1,4 +1,4 @@
-//! Shadow linking of lights: the shadow rays to one pass what those to the others do not.
+//! Shadow linking of lights: shadow rays to one light pass what those to the others do not.
 
 use super::{VIEW, different, same_bits, same_means};
 use beamfarm_harness::Suite;
@@ -8,7 +8,7 @@ use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::aov::light_layers;
 
-/// A floor, some satin on it, and a ball that only its shadows tell of.
+/// A floor, some satin on it, and a ball that shows only by its shadows.
 const FLOOR: &str = r#"
 [materials.satin]
 type = "rough_conductor"
@@ -40,7 +40,7 @@ const LAMPS: [&str; 4] = [
     "[[lights]]\nname = \"sky\"\ntype = \"environment\"\nradiance = [0.2, 0.2, 0.6]\n",
 ];
 
-/// The scene with the lamps that shine; the shapes of the others stay.
+/// The scene with only these lamps shining; the shapes of the others stay.
 fn lit(shines: impl Fn(usize) -> bool) -> String {
     let lamp = |(number, lamp): (usize, &&str)| match (shines(number), number) {
         (true, _) => (*lamp).to_owned(),
@@ -53,8 +53,8 @@ fn lit(shines: impl Fn(usize) -> bool) -> String {
     format!("{view}{FLOOR}{lamps}")
 }
 
-/// Light adds up: a picture is that of the lamp without the ball's shadow and that of the other lamps with it. At a
-/// significance of 1e-4 for each lamp.
+/// Light adds up: a picture is the sum of that of the lamp without the ball's shadow and that of the other lamps with
+/// it. Significance 1e-4 for each lamp.
 #[test]
 fn a_lamp_whose_shadow_rays_pass_an_object() {
     let rule = "[[rules]]\nrays = [\"shadow\"]\nexclude = [\"ball\"]\n";
@@ -70,7 +70,7 @@ fn a_lamp_whose_shadow_rays_pass_an_object() {
         for i in 0..linked.blocks.len() * 3 {
             let [whole, alone, others] = [&linked, &alone, &others].map(|picture| &picture.blocks[i / 3][i % 3]);
             let off = (whole.mean() - alone.mean() - others.mean()).abs();
-            // Sums of single precision are not exact.
+            // Sums in single precision are not exact.
             let off = (off - 1e-5 * whole.mean()).max(0.0);
             let parts = alone.std_error().hypot(others.std_error());
             suite.p_value(
@@ -91,25 +91,25 @@ fn a_lamp_whose_shadow_rays_pass_an_object() {
 fn only_lights_that_are_named_have_shadow_rules_of_their_own() {
     let plain = lit(|_| true).replace("passes = 64", "passes = 4");
     let rule = "[[rules]]\nrays = [\"shadow\"]\n";
-    // All of them, once by where the rays start and once by where they go.
+    // All of them, selected once by where the rays start and once by where they go.
     different(
         &format!("{plain}{rule}except = [\"floor\"]\nexclude = [\"ball\"]\n"),
         &format!("{plain}{rule}exclude = [\"ball\"]\n"),
     );
-    // A light is in nobody's way.
+    // A light blocks nothing.
     let nothing = scene(&format!("{plain}{rule}on = [\"point\"]\nexclude = [\"sky\"]\n"));
     assert_eq!(nothing.description().notes.len(), 1);
     assert!(nothing.description().notes[0].contains("no shadow rays start there"));
     same_bits(&format!("{plain}{rule}on = [\"point\"]\nexclude = [\"sky\"]\n"), &plain);
-    // Include: what is listed alone is in the way.
+    // Include: only what is listed blocks.
     different(
         &format!("{plain}{rule}on = [\"point\"]\ninclude = [\"floor\"]\n"),
         &plain,
     );
 }
 
-/// A lamp that neither shadow rays nor photons see lights nothing, also beside a sky that camera paths meet behind
-/// glass: its layer is black, and the picture is that without it.
+/// A lamp that neither shadow rays nor photons see lights nothing, even next to a sky that camera paths meet behind
+/// glass: its layer is black, and the picture is the one without it.
 #[test]
 fn a_lamp_that_nothing_sees_lights_nothing() {
     let room = r#"

@@ -3,8 +3,8 @@
 use super::{VIEW, different, same_bits, same_means};
 use beamfarm_harness::render::scene;
 
-/// Glass, a mirror, fog in a box, an area light, a spot, a sky: all that rays do. What is removed in some tests is
-/// last.
+/// Glass, a mirror, fog in a box, an area light, a spot, a sky: every kind of ray. The object that some tests remove
+/// comes last.
 const EVERYTHING: &str = r#"
 [media.fog]
 type = "homogeneous"
@@ -105,7 +105,7 @@ fn rules_that_say_nothing_change_nothing() {
     }
 }
 
-/// A shining wall, and a black ball between it and the camera.
+/// A shining wall with a black ball between it and the camera.
 const BACKDROP: &str = r#"
 [materials.black]
 type = "diffuse"
@@ -168,7 +168,7 @@ fn skies_add_up_by_what_rays_see_them() {
     let alone = format!("{VIEW}{lit}{}", sky("[0.2, 0.6, 1]", all));
     let parts = [sky("[0.2, 0, 0.7]", all), sky("[0, 0.6, 0.3]", all)].concat();
     super::same_means(&format!("{VIEW}{lit}{parts}"), &alone, 0.0);
-    // The camera's sky does not light.
+    // The camera's sky does not light the scene.
     let two = [sky("[5, 6, 7]", "\"camera\""), sky("[0.2, 0.6, 1]", others)].concat();
     let two = super::pixels(&scene(&format!("{VIEW}{lit}{two}")));
     let one = super::pixels(&scene(&alone));
@@ -233,7 +233,7 @@ fn panes_show_what_rules_leave_them() {
     same_bits(&format!("{with}{reflected}"), &with);
 }
 
-/// A floor, which nothing else sends light to, and two lamps that a ray may meet.
+/// A floor that no other object lights, and two lamps that a ray may meet.
 const LAMPS: &str = r#"
 [materials.black]
 type = "diffuse"
@@ -273,7 +273,7 @@ intensity = [1, 5, 1]
 
 #[test]
 fn shadow_rays_see_the_lights_that_rules_leave_them() {
-    // Lamps above the picture: only their light is seen. No light comes to the floor but theirs.
+    // Lamps above the picture: only their light is seen, and no other light reaches the floor.
     let one = format!("{VIEW}{LAMPS}").replace("passes = 4", "passes = 64");
     let both = format!("{one}{OTHER_LAMP}");
     different(&both, &one);
@@ -283,12 +283,12 @@ fn shadow_rays_see_the_lights_that_rules_leave_them() {
         "exclude = [\"twos\", \"three\"]",
         "on = [\"floor\", \"satin\"]\ninclude = [\"one\"]",
     ] {
-        // Two and three shine on: their photons are what gather rays would find on other surfaces, of which there are
-        // none.
+        // Two and three still shine: their photons stand for what gather rays would find on other surfaces, of which
+        // there are none.
         let rule = format!("[[rules]]\nrays = [\"shadow\"]\n{rule}\n");
         same_means(&format!("{both}{rule}"), &one, 1e-5);
     }
-    // Linked one by one: the satin to one, the floor to the others.
+    // Linked one by one: the satin to one lamp, the floor to the others.
     let linked = format!(
         "{both}[[rules]]\nrays = [\"shadow\"]\non = [\"floor\"]\nexclude = [\"one\"]\n\
          [[rules]]\nrays = [\"shadow\"]\non = [\"satin\"]\ninclude = [\"one\"]\n"
@@ -308,7 +308,7 @@ fn shadow_rays_see_the_lights_that_rules_leave_them() {
     );
 }
 
-/// As long as nothing is lit by it, its photons are not even sent.
+/// As long as it lights nothing, its photons are not even emitted.
 #[test]
 fn a_light_that_lights_nothing_is_no_light() {
     let without = format!("{VIEW}{EVERYTHING}");
@@ -370,7 +370,7 @@ fn photons_leave_nothing_where_rules_keep_them_off() {
     different(&glass, &black);
     let rule = |rule: &str| format!("{glass}[[rules]]\nrays = [\"photon\"]\n{rule}\n");
     same_bits(&rule("on = [\"floor\"]\nexclude = [\"lamp\"]"), &black);
-    // Photons of no other light: the same bits, as there is none.
+    // Photons of no other light: the same bits, as there is no other.
     same_bits(&rule("on = [\"floor\"]\ninclude = [\"lamp\"]"), &glass);
 }
 
@@ -380,7 +380,7 @@ fn photons_pass_what_rules_hide() {
     let glass = format!("{VIEW}{CAUSTIC}material = \"glass\"\nvisible = [\"photon\"]\n");
     different(&glass, &without);
     let rule = |rule: &str| format!("{glass}[[rules]]\nrays = [\"photon\"]\n{rule}\n");
-    // Direct light goes through what shadow rays do not see; the caustic comes on top unless photons pass as well.
+    // Direct light passes what shadow rays do not see; the caustic comes on top unless photons pass as well.
     for on in ["on = [\"lamp\", \"floor\"]", "on = [\"all\"]"] {
         same_bits(&rule(&format!("{on}\nexclude = [\"ball\"]")), &without);
         same_bits(&rule(&format!("{on}\ninclude = [\"floor\"]")), &without);

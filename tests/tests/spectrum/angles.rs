@@ -19,8 +19,7 @@ fn glass(eta: f64) -> Bsdf<'static> {
     })
 }
 
-/// Light that comes in a direction, in the direction that it leaves a surface of this normal in: refracted, or else
-/// reflected.
+/// The direction in which light leaves a surface of this normal: refracted, or else reflected.
 fn through(bsdf: &Bsdf, dir: Vec3, normal: Vec3, refracted: bool) -> Option<Vec3> {
     let frame = Frame::from_normal(normal);
     let ways = bsdf.branches(frame.to_local(-dir), TransportMode::Flux)?;
@@ -32,7 +31,7 @@ fn degrees(radians: f32) -> f64 {
     f64::from(radians).to_degrees()
 }
 
-/// By how much a prism of 60 degrees turns light that meets it under this angle.
+/// The angle by which a prism of 60 degrees turns light at this angle of incidence.
 fn deviation(bsdf: &Bsdf, incidence: f32) -> Option<f64> {
     let normal = |angle: f32| {
         let (sin, cos) = libm::sincosf(angle.to_radians());
@@ -65,7 +64,7 @@ fn a_prism_turns_each_line_by_no_less_than_the_formula_says() {
     }
 }
 
-/// Between where the light comes from and where it goes, of light that is reflected once inside a ball.
+/// The angle between where the light comes from and where it goes after one reflection inside a ball.
 fn bow(bsdf: &Bsdf, offset: f32) -> Option<f64> {
     let dir = Vec3::X;
     let at = |previous: Vec3, dir: Vec3| previous - 2.0 * previous.dot(dir) * dir;
@@ -77,7 +76,7 @@ fn bow(bsdf: &Bsdf, offset: f32) -> Option<f64> {
     Some(degrees(libm::acosf((-dir).dot(out).clamp(-1.0, 1.0))))
 }
 
-/// 42.4 degrees for red and 40.6 for violet, as every book has it.
+/// 42.4 degrees for red and 40.6 for violet, as in every textbook.
 #[test]
 fn a_rainbow_has_its_angles() {
     let water = Index::preset("water").unwrap();
@@ -90,8 +89,8 @@ fn a_rainbow_has_its_angles() {
     }
 }
 
-/// Photons of a pass fly from the prism in the direction of their wavelength, and each wavelength of the pass has as
-/// many: five standard deviations of a count.
+/// Photons leave the prism in the direction of their wavelength, and each wavelength of the pass has equally many,
+/// within five standard deviations of a count.
 #[test]
 fn photons_of_a_pass_leave_a_prism_by_their_wavelengths() {
     let scene = scene(
@@ -139,7 +138,7 @@ power = 1.0
         let of_wave = photons.iter().filter(|photon| photon.wave == Some(wave.number));
         let mut count = 0;
         for photon in of_wave {
-            // Sines against the normal: 0.6 outside.
+            // Sines to the normal: 0.6 outside.
             let sine = f64::from(libm::sqrtf(photon.wi.x * photon.wi.x + photon.wi.y * photon.wi.y));
             let expected = 0.6 / flint.at(f64::from(wave.nm));
             assert!((sine - expected).abs() < 2e-4, "{} nm: {sine} for {expected}", wave.nm);

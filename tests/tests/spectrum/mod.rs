@@ -1,4 +1,4 @@
-//! Light that is split: angles by formulas, colours that come back to white, passes against the path tracer.
+//! Dispersion: angles against formulas, colours that mix back to white, passes against the path tracer.
 
 mod angles;
 mod pictures;

@@ -12,7 +12,7 @@ use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
-/// Of each test.
+/// For each test.
 const SIGNIFICANCE: f64 = 1e-3;
 
 /// The same with glass that splits light.
@@ -60,8 +60,8 @@ fn the_path_tracer_finds_the_same_furnace() {
     suite.finish();
 }
 
-/// A ball and a slab of glass that split light, above a floor of two colours, lit by a lamp of some size; looked at
-/// past and through them.
+/// A ball and a slab of dispersive glass above a floor of two colours, lit by a lamp of some size, seen past and
+/// through them.
 const ROOM: &str = r#"
 [image]
 width = 32
@@ -137,8 +137,8 @@ const EFFORT: Effort = Effort {
     seconds: 60.0,
 };
 
-/// Caustics by photons and by paths, rough glass, light that is split on the way to a surface and again on the way to
-/// the camera.
+/// Caustics by photons and by camera paths, rough glass, and light that is split on the way to a surface and again on
+/// the way to the camera.
 #[test]
 fn passes_and_path_tracer_agree_where_light_is_split() {
     for (name, rest, air) in [("lamp", LAMP, ""), ("lamp in fog", LAMP, FOG), ("sky", SKY, "")] {
@@ -190,7 +190,7 @@ fn bits_do_not_depend_on_threads() {
     assert_eq!(hashes[0], hashes[1]);
 }
 
-/// What no surface has costs nothing: the same bits, whatever materials there are beside those in use.
+/// A dispersive material that no surface uses changes nothing: the same bits.
 #[test]
 fn glass_that_nothing_is_made_of_changes_nothing() {
     let plain = ROOM

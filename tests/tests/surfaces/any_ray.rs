@@ -1,4 +1,4 @@
-//! Rays of whatever numbers: each query ends, and none panics.
+//! Rays with arbitrary numbers: each query ends, and none panics.
 
 use beamfarm_harness::render::scene_with;
 use beamfarm_render::math::{Ray, Vec3};
@@ -8,7 +8,7 @@ const VIEW: &str = "image = { width = 4, height = 4 }\ncamera = { origin = [0, 0
     lights = [{ type = \"point\", position = [0, 7, 0], power = 9 }]\n";
 const TURNED: &str = "transform = [{ scale = [1, 0.5, 2] }, { rotate = { axis = [1, 2, 3], angle = 40 } }]\n";
 
-/// Numbers as they may come: none, infinite, zeros, the smallest and the largest.
+/// NaN, infinities, zeros, and the smallest and largest numbers.
 const STRANGE: [f32; 16] = [
     0.0,
     -0.0,
@@ -28,7 +28,7 @@ const STRANGE: [f32; 16] = [
     -1.0,
 ];
 
-/// Those, ordinary ones, and any bits.
+/// One of those, an ordinary one, or arbitrary bits.
 fn number(seed: &mut u64) -> f32 {
     // Steele, Lea and Flood 2014, SplitMix64.
     *seed = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -42,7 +42,7 @@ fn number(seed: &mut u64) -> f32 {
     }
 }
 
-/// A grid of triangles, so that trees have levels, and one far away.
+/// A grid of triangles, so that trees have levels, and one triangle far away.
 fn grid() -> String {
     let mut text = String::new();
     for (x, y) in (0..12).flat_map(|x| (0..12).map(move |y| (x, y))) {
@@ -76,7 +76,7 @@ fn no_ray_is_too_strange() {
         "[[shapes]]\ntype = \"instances\"\nshape = {{ type = \"mesh\", file = \"grid.obj\" }}\n\
          transforms = [[{{ translate = [3, 0, 0] }}], [{{ scale = 1e-3 }}], [{{ scale = 1e3 }}]]\n"
     );
-    // Also one of each alone: trees of one leaf, and of none.
+    // The grid, and its parts alone: trees of one leaf, and empty ones.
     let grid = grid();
     let assets = [("grid.obj", grid.as_bytes())];
     let texts = [
@@ -95,7 +95,7 @@ fn no_ray_is_too_strange() {
             for passes in [false, true] {
                 let hit = scene.geometry().intersect(objects, &ray, t_max, &|_| passes);
                 assert!(hit.is_none() || !passes);
-                // What is hit lies on the ray, in front.
+                // Hits lie on the ray, in front of its origin.
                 assert!(hit.is_none_or(|hit| hit.t > 0.0 && hit.t < t_max), "{ray:?}, {t_max}");
                 scene.geometry().occluded(objects, &ray, t_max, &|_| passes);
             }

@@ -1,5 +1,5 @@
-//! What bumps and normal maps shadow: of what is diffuse, by the formula of Conty Estevez et al. (2019); metal not at
-//! all, by a furnace; and photons against paths, where both come together.
+//! Shadowing by bumps and normal maps: diffuse surfaces by the formula of Conty Estevez et al. (2019), metal not at
+//! all, by a furnace; and photons against paths where both are involved.
 
 use super::coats::room;
 use beamfarm_harness::Suite;
@@ -11,10 +11,10 @@ use beamfarm_render::warp;
 use beamfarm_render::world::SurfaceInteraction;
 use beamfarm_render::world::bsdf::{Bsdf, TransportMode};
 
-/// Slopes of 0.8 and 0.3 in turns: steep enough for light to come from below the surface.
+/// Alternating slopes of 0.8 and 0.3: steep enough for light to come from below the surface.
 const STEEP: &str = "{ checkerboard = [[0.9, 0.5, 0.8], [0.35, 0.7, 0.85]], uv = [{ scale = 4 }] }";
 
-/// A ball that fills the picture up to its rim, alone in even light.
+/// A ball that fills the picture up to its rim, in even light.
 fn ball(material: &str) -> String {
     format!(
         "image = {{ width = 24, height = 24 }}\nrender = {{ passes = 40, paths = 100, seed = 3 }}\n\
@@ -24,7 +24,7 @@ fn ball(material: &str) -> String {
     )
 }
 
-/// In even light all that reflects everything is white, up to the rim: by passes, and by the path tracer.
+/// In even light everything that reflects all is white, up to the rim, by passes and by the path tracer.
 #[test]
 fn metal_has_no_black_rings() {
     for (material, [of_pixels, of_blocks]) in [
@@ -50,8 +50,8 @@ fn metal_has_no_black_rings() {
         let paths = Blocks::new(reference_images(&scene, settings, 32, 8), 4);
         let passes = average(&scene);
         for pixel in &passes.beauty.pixels {
-            // A mirror's reflection is kept above the surface, not all of a lobe around it. Shadowed as diffuse light
-            // is, they would have 0.05.
+            // A mirror's reflection is kept above the surface, but not all of a lobe around it. If they were shadowed
+            // like diffuse light, 0.05 would remain.
             assert!(pixel.iter().all(|value| *value >= of_pixels), "{material}: {pixel:?}");
         }
         for block in &paths.blocks {
@@ -65,7 +65,7 @@ fn metal_has_no_black_rings() {
     }
 }
 
-/// What is met on the way from above to a place on a ball of a material with a map, and its normal before.
+/// The hit, from above, at a place on a ball whose material has a map, and its normal before the map.
 fn met(material: &str, sampler: &mut Sampler, check: impl Fn(&SurfaceInteraction<'_>, Vec3, Vec3)) {
     let scene = scene(&ball(material));
     let center = -scene.description().camera.position + Vec3::new(0.0, 0.0, 6.0);
@@ -86,8 +86,8 @@ fn met(material: &str, sampler: &mut Sampler, check: impl Fn(&SurfaceInteraction
     }
 }
 
-/// Smith's shadowing of a surface whose slopes are like those of the map, once more from its source: roughness by the
-/// tangent between the normals, and the cosine of light to the normal before.
+/// Smith's shadowing for a surface with slopes like the map's, implemented again from the paper: roughness from the
+/// tangent between the normals, and the cosine of light to the original normal.
 fn shadowed(before: Vec3, turned: Vec3, light: Vec3) -> f32 {
     let cos = before.dot(turned);
     let tan2 = 1.0 / (cos * cos) - 1.0;
@@ -137,7 +137,7 @@ fn diffuse_lobes_are_shadowed_and_reflections_are_not() {
             for light in &dirs {
                 let (wo, wi) = (at.local_wo, at.frame.to_local(*light));
                 let factor = shadowed(before, turned, *light);
-                // Light and camera change places for photons.
+                // For photons, light and camera change places.
                 for (mode, from, to) in [(TransportMode::Radiance, wo, wi), (TransportMode::Flux, wi, wo)] {
                     let value = |bsdf: &Bsdf<'_>| bsdf.eval(from, to, mode);
                     let expected = match (all, at.bsdf.gloss_and_base()) {
@@ -157,7 +157,7 @@ fn close(a: Rgb, b: Rgb, share: f32) -> bool {
     (a - b).abs().max_element() <= share * b.max_element() + 1e-6
 }
 
-/// Samples weigh what values over densities say, whichever lobe they are of.
+/// A sample's weight is its value over its density, whichever lobe it comes from.
 #[test]
 fn samples_of_bumpy_surfaces_weigh_what_values_and_densities_say() {
     let mut sampler = Sampler::new(9, 0, Purpose::Test, 0);
@@ -185,8 +185,8 @@ fn samples_of_bumpy_surfaces_weigh_what_values_and_densities_say() {
     }
 }
 
-/// Walls that are metal here and dielectric there, with a normal map: by camera paths, by photons that go from wall to
-/// wall, and by the path tracer.
+/// Walls that are metal in some places and dielectric in others, with a normal map: by camera paths, by photons that go
+/// from wall to wall, and by the path tracer.
 #[test]
 fn photons_and_paths_find_the_same_light_on_bumpy_metal() {
     let mut suite = Suite::new(1e-2);

@@ -35,7 +35,7 @@ fn camera(aperture: f32) -> Camera {
 #[test]
 fn image_spans_the_field_of_view_with_square_pixels() {
     let camera = camera(0.0);
-    // tan of the angles to the right and up.
+    // Tangents of the angles to the right and up.
     for (x, y, right, up) in [
         (20.0, 10.0, 0.0, 0.0),
         (40.0, 10.0, 0.5, 0.0),
@@ -53,7 +53,7 @@ fn image_spans_the_field_of_view_with_square_pixels() {
     }
 }
 
-/// All rays of an image point meet in one point of the plane in focus, the one that a pinhole sees there.
+/// All rays of an image point meet in one point of the focal plane, the one that a pinhole sees there.
 #[test]
 fn points_in_focus_are_sharp() {
     let camera = camera(0.4);
@@ -170,8 +170,9 @@ fn windows_and_principal_points_are_those_of_mitsuba() {
     }
 }
 
-/// Mitsuba 3.9.1: a window of 7 x 5 pixels of a rectangle of radiance 1, its edges within pixels, under five
-/// reconstruction filters; 131072 samples a pixel. Mitsuba's Gaussian is a fit, off by up to 8e-4 of its height.
+/// Mitsuba 3.9.1: a window of 7 x 5 pixels of a rectangle of radiance 1, whose edges lie within pixels, with five
+/// reconstruction filters; 131072 samples per pixel. Mitsuba's Gaussian is a fit that is off by up to 8e-4 of its
+/// height.
 #[rustfmt::skip]
 const MITSUBA: [(&str, [[f64; 7]; 5]); 5] = [
     ("\"box\"", [
@@ -224,7 +225,7 @@ fn filters_are_those_of_mitsuba_at_the_border_too() {
         let pictures = [0, 1].map(|axis| {
             let mut sum = vec![0.0; (size[0] * size[1]) as usize];
             for i in 0..STEPS {
-                // Along the other axis, a sequence of low discrepancy.
+                // Along the other axis, a low-discrepancy sequence.
                 let mut u = Vec2::splat((i as f32 + 0.5) / STEPS as f32);
                 u[1 - axis] = (f64::from(i) * 0.618_033_988_75).fract() as f32;
                 let at = |x, y| camera.sample(x, y, u);
@@ -259,7 +260,7 @@ fn filters_are_those_of_mitsuba_at_the_border_too() {
     }
 }
 
-/// Narrow ones, by their densities, away from the image's border and at it.
+/// Narrow filters by their densities, at the image's border and away from it.
 #[test]
 fn filters_are_sampled_in_proportion_to_their_values() {
     let mut suite = Suite::new(0.01);
@@ -297,7 +298,7 @@ fn filters_are_sampled_in_proportion_to_their_values() {
     suite.finish();
 }
 
-/// Fog, edges and a spot; `image` and `seed` to be filled in.
+/// Fog, edges and a spot; `image` and `seed` are filled in.
 const FOGGY: &str = r#"
 image = { IMAGE }
 render = { passes = 300, paths = 400, seed = SEED }
@@ -331,8 +332,8 @@ target = [0.0, 0.0, 0.0]
 intensity = 10.0
 "#;
 
-/// With beams and everything: the pixels of a window under a wide tent are the means of eight times as fine a picture,
-/// weighted by what is left of the tent within the window.
+/// With beams and everything else: the pixels of a window under a wide tent are means of a picture eight times as fine,
+/// weighted by the part of the tent within the window.
 #[test]
 fn a_window_under_a_tent_is_the_weighted_picture() {
     const FINE: usize = 8;
@@ -349,7 +350,7 @@ fn a_window_under_a_tent_is_the_weighted_picture() {
         "1",
     );
     let fine = passes("width = 96, height = 72", "2");
-    // By fine pixel along an axis of the window.
+    // By fine pixel along one axis of the window.
     let weights = |pixel: usize, size: usize| -> Vec<f64> {
         let value = |i: usize| {
             let x = (i as f64 + 0.5) / FINE as f64 - pixel as f64 - 0.5;

@@ -1,4 +1,5 @@
-//! Rough diffuse surfaces and layers of fibres: energy, reciprocity, what Cycles 4.5 shows, and photons against paths.
+//! Rough diffuse surfaces and layers of fibres: energy, reciprocity, agreement with Cycles 4.5, and photons against
+//! paths.
 
 use super::energy::{COSINES, albedo, direction, grey, principled};
 use beamfarm_harness::Suite;
@@ -44,7 +45,7 @@ fn fuzz(roughness: f32) -> Extras {
     }
 }
 
-/// Roughness, reflectance and cosine, and the share of even light that Cycles 4.5 shows there.
+/// Roughness, reflectance and cosine, and the share of even light that Cycles 4.5 shows for them.
 const OREN_NAYAR: [(f32, f32, f32, f64); 6] = [
     (1.0, 1.0, 0.2, 1.0),
     (1.0, 1.0, 1.0, 1.0),
@@ -63,12 +64,12 @@ fn rough_diffuse_surfaces_are_as_bright_as_in_cycles() {
             "{roughness} {reflectance} {cos}: {found}"
         );
     }
-    // What is smooth is Lambertian.
+    // A smooth one is Lambertian.
     let smooth = rough(0.5, 0.0).eval(direction(0.3), Vec3::new(-0.6, 0.0, 0.8), TransportMode::Radiance);
     assert!((f64::from(smooth.x) * PI - 0.5).abs() < 1e-6);
 }
 
-/// Fujii's qualitative model: back to where the light comes from, and less beyond.
+/// Fujii's qualitative model sends more light back to where it comes from, and less beyond.
 #[test]
 fn rough_diffuse_surfaces_send_light_back() {
     let (surface, wo) = (rough(0.8, 1.0), Vec3::new(0.8, 0.0, 0.6));
@@ -123,8 +124,8 @@ const FIBERS: [(f32, f32, f64); 16] = [
     (1.0, 1.0, 0.3419),
 ];
 
-/// Rows of roughness, cosines to the camera and to a lamp, the angle between both seen from above, and what Cycles 4.5
-/// shows of the lamp's irradiance of one across its light.
+/// Rows of roughness, cosines to the camera and to a lamp, the angle between the two seen from above, and what Cycles
+/// 4.5 shows for a lamp with an irradiance of one across its light.
 const BY_A_LAMP: [(f32, [f32; 2], f32, f64); 14] = [
     (0.2, [0.2, 0.2], 0.0, 0.0318),
     (0.2, [0.2, 0.2], 1.5, 0.0313),
@@ -201,8 +202,8 @@ fn surfaces() -> Vec<(&'static str, Material)> {
     all
 }
 
-/// The flux of one is the radiance of the other: photons see the surface that cameras see, which is not the same both
-/// ways.
+/// The flux of a photon is the radiance of a camera path: photons meet the same surface as cameras, although its value
+/// is not symmetric.
 #[test]
 fn photons_meet_the_fibers_that_cameras_see() {
     let mut rng = Sampler::new(1, 0, Purpose::Test, 0);
@@ -213,7 +214,7 @@ fn photons_meet_the_fibers_that_cameras_see() {
             let [a, b] = [0, 1].map(|_| warp::uniform_sphere(rng.next_2d()));
             let there = bsdf.eval(a, b, TransportMode::Radiance);
             let back = bsdf.eval(b, a, TransportMode::Flux);
-            // Of microfacets seen edge-on.
+            // Microfacets seen edge-on.
             let error = (there - back).abs() / there.max(Rgb::splat(1e-4));
             assert!(error.max_element() < 0.01, "{name} {a} {b}: {there} {back}");
             let other = bsdf.eval(b, a, TransportMode::Radiance);
@@ -223,7 +224,7 @@ fn photons_meet_the_fibers_that_cameras_see() {
     }
 }
 
-/// What a sample weighs has a bound that is not far: there are no fireflies, of photons neither.
+/// Sample weights have a small bound, so there are no fireflies, not even from photons.
 #[test]
 fn samples_of_fibers_weigh_little() {
     let mut rng = Sampler::new(2, 0, Purpose::Test, 0);

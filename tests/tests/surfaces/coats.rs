@@ -1,5 +1,5 @@
-//! Coats that face another way than what lies below: by their densities, furnaces, the same surfaces made otherwise,
-//! and photons against paths.
+//! Coats with another normal than the layer below: densities, furnaces, the same surfaces made otherwise, and photons
+//! against paths.
 
 use super::energy::{albedo, direction, grey};
 use beamfarm_harness::render::{Blocks, blocks_by, reference_images, scene};
@@ -42,7 +42,7 @@ fn surface(metallic: f32, roughness: f32, extras: Extras) -> Bsdf<'static> {
             true,
         )
     });
-    // Tests end soon.
+    // Leaked: tests end soon.
     let material: &'static Material = Box::leak(Box::new(material));
     material.bsdf(&TexturePoint::default())
 }
@@ -73,7 +73,7 @@ fn surfaces() -> Vec<(&'static str, Bsdf<'static>)> {
     ]
 }
 
-/// Normals of what lies below and of the coat.
+/// Normals of the layer below and of the coat.
 fn normals() -> [[Vec3; 2]; 3] {
     let turned = |x: f32, y: f32| Vec3::new(x, y, 1.0).normalize();
     [
@@ -90,7 +90,7 @@ fn both_parts_are_sampled_by_their_densities() {
         for (i, both) in normals().into_iter().enumerate() {
             let bsdf = bsdf.facing(both);
             for wo in [direction(0.8), direction(0.45), -direction(0.6)] {
-                // As what turns normals sees to.
+                // As the code that perturbs normals ensures.
                 if both.iter().any(|n| n.dot(wo) * wo.z <= 0.0) {
                     continue;
                 }
@@ -146,7 +146,7 @@ fn samples_weigh_what_values_and_densities_say() {
     assert!(most < 30.0, "{most}");
 }
 
-/// What comes from a light to the camera is the same whichever a path starts from.
+/// The value from a light to the camera is the same from whichever end a path starts.
 #[test]
 fn values_are_those_of_the_light_and_the_camera() {
     let mut rng = Sampler::new(4, 0, Purpose::Test, 0);
@@ -166,7 +166,7 @@ fn values_are_those_of_the_light_and_the_camera() {
     }
 }
 
-/// Nothing sends back more light than it gets, and with both normals along that of the shape all is as without them.
+/// No more light leaves than arrives. With both normals along the shape's, everything is as without them.
 #[test]
 fn no_light_is_gained_by_two_normals() {
     for (name, bsdf) in surfaces() {
@@ -239,8 +239,8 @@ emission = {{ radiance = [3.0, 2.5, 2.0] }}
 /// Slopes of (0.65, 0.7, 0.9) * 2 - 1.
 const MAP: &str = "{ checkerboard = [[0.65, 0.7, 0.9], [0.35, 0.45, 0.9]], uv = [{ scale = 4 }] }";
 
-/// Walls beneath a coat that levels them, and beneath one with bumps of its own: by camera paths, by photons that go
-/// from wall to wall, and by the path tracer.
+/// Walls below a coat that smooths them, and below one with its own bumps: by camera paths, by photons that go from
+/// wall to wall, and by the path tracer.
 #[test]
 fn photons_and_paths_find_the_same_light_below_coats() {
     let mut suite = Suite::new(1e-2);
@@ -270,7 +270,8 @@ fn photons_and_paths_find_the_same_light_below_coats() {
     suite.finish();
 }
 
-/// The value towards a camera of light from a side, times the cosine to the normal of the frame and what bumps shadow.
+/// The value towards a camera for light from one side, times the cosine to the frame's normal and the shadowing by
+/// bumps.
 fn shaded(fields: &str, light: Vec3) -> Rgb {
     let scene = scene(&format!(
         "image = {{ width = 8, height = 8 }}\ncamera = {{ origin = [0, 0, 1], target = [0, 0, 0], fov = 40 }}\n\
@@ -289,7 +290,7 @@ fn shaded(fields: &str, light: Vec3) -> Rgb {
     (at.bsdf).eval_bumped(bumps, at.local_wo, wi, TransportMode::Radiance) * wi.z.abs()
 }
 
-/// Each part alone is as where both are turned: below a coat of next to nothing, and a coat over what is black.
+/// Each layer alone is as where both have the perturbed normal: below a coat of almost nothing, and a coat over black.
 #[test]
 fn parts_are_those_of_surfaces_that_are_turned_whole() {
     for light in [

@@ -1,5 +1,5 @@
 //! Every sampler of directions on surfaces and in media against its density: chi-square, fixed seeds, one significance
-//! for each test function.
+//! per test function.
 
 use beamfarm_harness::quadrature::Rect;
 use beamfarm_harness::render::is_long;
@@ -188,7 +188,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
             multiple_scattering: true,
             ..MaterialDescription::new(kind, true)
         });
-        // Tests end soon.
+        // Leaked: tests end soon.
         let material: &'static Material = Box::leak(Box::new(material));
         bsdfs.push((
             format!("principled {metallic} {roughness}, coat {has_coat}, fuzz {has_fuzz}, all bounces, two-sided true"),
@@ -300,7 +300,7 @@ fn brushed_bsdf(extras: Option<Box<Extras>>) -> Bsdf<'static> {
         })),
         ..MaterialDescription::new(kind, true)
     });
-    // Tests end soon.
+    // Leaked: tests end soon.
     let material: &'static Material = Box::leak(Box::new(material));
     material.bsdf(&TexturePoint::default())
 }
@@ -375,9 +375,8 @@ fn incidences() -> impl Iterator<Item = (f32, Vec3)> {
         .map(|degrees| (degrees, direction(degrees, 25.0)))
 }
 
-/// Each side of the surface by itself, around the mean of its samples. Together the densities integrate to one, but for
-/// the light that is lost for want of second bounces among microfacets: none for diffuse surfaces, next to none for
-/// smooth ones.
+/// Each side of the surface separately, around the mean of its samples. Together the densities integrate to one, less
+/// the light lost because microfacets have no second bounce: none for diffuse surfaces, almost none for smooth ones.
 #[test]
 fn bsdfs_are_sampled_in_proportion_to_their_densities() {
     let mut suite = Suite::new(SIGNIFICANCE);
@@ -395,7 +394,7 @@ fn bsdfs_are_sampled_in_proportion_to_their_densities() {
                 };
                 let mut rng = Sampler::new(1, 0, Purpose::Test, 0);
                 let mut some: Vec<Vec3> = (0..50_000).filter_map(|_| sample(&mut rng)).take(2_000).collect();
-                // Cells are finest around the axis: of a narrow lobe with a wide one beside it, there.
+                // Cells are finest around the axis: for a narrow lobe with a wide one, around the narrow one.
                 if name.contains("all bounces") {
                     some.sort_by(|a, b| bsdf.pdf(wo, *b).total_cmp(&bsdf.pdf(wo, *a)));
                     some.truncate(some.len() / 2);
@@ -424,7 +423,7 @@ fn bsdfs_are_sampled_in_proportion_to_their_densities() {
     suite.finish();
 }
 
-/// The value that `sample` returns is eval * cos / pdf of the direction that it returns, in both modes.
+/// In both modes, the weight that `sample` returns is eval * cos / pdf for its direction.
 #[test]
 fn sample_weights_are_value_times_cosine_over_density() {
     let mut rng = Sampler::new(7, 0, Purpose::Test, 0);
@@ -442,7 +441,7 @@ fn sample_weights_are_value_times_cosine_over_density() {
                     assert!((sample.wi.length() - 1.0).abs() < 1e-6, "{name}");
                     let pdf = bsdf.pdf(wo, sample.wi);
                     let value = bsdf.eval(wo, sample.wi, mode) * (sample.wi.z.abs() / pdf);
-                    // The half vector of two rounded directions is off by their rounding over the roughness.
+                    // Rounding of the two directions changes their half vector by the rounding over the roughness.
                     let tolerance = weight_tolerance(&bsdf);
                     let error = (value - sample.weight).abs().max_element();
                     assert!(error <= tolerance * sample.weight.max_element(), "{name}: {value}");
@@ -462,7 +461,7 @@ fn weight_tolerance(bsdf: &Bsdf) -> f32 {
     }
 }
 
-/// Delta lobes: never by eval or pdf, and chosen with the probability that they state.
+/// Delta lobes: never in eval or pdf, and chosen with the probability that they state.
 #[test]
 fn delta_lobes_are_chosen_with_their_probabilities() {
     let mut suite = Suite::new(SIGNIFICANCE);

@@ -1,4 +1,4 @@
-//! Microfacets that keep their energy: white furnaces, reciprocity, and what Cycles shows.
+//! Energy-conserving microfacets: white furnaces, reciprocity, and agreement with Cycles.
 
 use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
@@ -47,8 +47,8 @@ pub fn direction(cos: f32) -> Vec3 {
     Vec3::new(0.8 * sin, 0.6 * sin, cos)
 }
 
-/// The integral of value times cosine over the hemisphere, by a rule in spherical coordinates around the direction
-/// that a mirror would reflect to, where lobes are narrow.
+/// The integral of value times cosine over the hemisphere, by quadrature in spherical coordinates around the mirror
+/// direction, where lobes are narrow.
 pub fn albedo(bsdf: &Bsdf, wo: Vec3) -> f64 {
     let peak = Vec3::new(-wo.x, -wo.y, wo.z);
     let (s, t) = peak.any_orthonormal_pair();
@@ -105,7 +105,7 @@ fn white_bases_beneath_layers_are_white() {
     }
 }
 
-/// Rough glass with a base, and beneath a film: the sum over both sides of what the camera sees of a white furnace.
+/// Rough glass with a base, and below a film: the camera's view of a white furnace, summed over both sides.
 #[test]
 fn white_glass_over_bases_is_white() {
     let at = TexturePoint::default();
@@ -131,7 +131,7 @@ fn white_glass_over_bases_is_white() {
         let bsdf = material.bsdf(&at);
         for cos in COSINES {
             for sign in [1.0, -1.0] {
-                // The inside has what is glass of it alone.
+                // From inside, only its glass matters.
                 let expected = if sign > 0.0 { 1.0 } else { f64::from(share) };
                 let wo = direction(cos) * sign;
                 let relative = if sign > 0.0 { eta } else { 1.0 / eta };
@@ -167,7 +167,7 @@ fn brushed(material: Material, anisotropic: f32) -> Material {
     })
 }
 
-/// They get back less than they lose where they are very rough, and nowhere more.
+/// Compensation returns less than the loss where they are very rough, and nowhere more.
 #[test]
 fn brushed_surfaces_are_not_brighter_than_white() {
     let at = TexturePoint::default();
@@ -209,10 +209,10 @@ fn brushed_surfaces_are_not_brighter_than_white() {
 
 type Row = (f32, f32, [f64; 3], [f64; 3], f64);
 
-/// By Cycles 4.5.15: a plane under an even world of radiance 1, as an orthographic camera sees it, 1024 samples. Rows
-/// of roughness, cosine, and the light of a metal of base colour (0.9, 0.6, 0.3), of a Glossy BSDF (Multiscatter GGX)
-/// of that colour, and of a dielectric of index 1.5 with a base of 0.8. Cycles multiplies the bounce that it has; a
-/// model that is the same both ways differs a little where metal is dark, very rough, and seen head-on.
+/// Cycles 4.5.15: a plane under an even world of radiance 1, seen by an orthographic camera, 1024 samples. Rows of
+/// roughness, cosine, and the light of a metal of base colour (0.9, 0.6, 0.3), of a Glossy BSDF (Multiscatter GGX) of
+/// that colour, and of a dielectric of index 1.5 with a base of 0.8. Cycles scales its single bounce; a reciprocal
+/// model differs a little where metal is dark, very rough and seen head-on.
 const CYCLES: [Row; 9] = [
     (0.3, 0.15, [0.9202, 0.6927, 0.4780], [0.8895, 0.5741, 0.2777], 0.8570),
     (0.3, 0.4, [0.9046, 0.6211, 0.3434], [0.8971, 0.5915, 0.2925], 0.8254),
@@ -289,8 +289,8 @@ fn coated(weight: f32, roughness: f32, eta: f32) -> Extras {
     }
 }
 
-/// What a coat does not reflect comes to what is below, where it is not absorbed: nothing is gained, and of white bases
-/// and smooth metals hardly anything is lost.
+/// What a coat does not reflect or absorb reaches the layer below: nothing is gained, and white bases and smooth metals
+/// lose hardly anything.
 #[test]
 fn white_surfaces_beneath_coats_are_white() {
     let at = TexturePoint::default();
@@ -300,7 +300,7 @@ fn white_surfaces_beneath_coats_are_white() {
                 let extras = coated(weight, coat, eta);
                 let material = principled(1.0, metallic, roughness, 1.5, Some(extras));
                 let found = albedo(&material.bsdf(&at), direction(cos));
-                // Rough metal sends light to where the coat reflects more.
+                // Rough metal sends light into directions where the coat reflects more.
                 let least = if metallic > 0.0 && roughness > 0.2 { 0.75 } else { 0.955 };
                 let name = format!("{roughness} {coat} {eta} {metallic} {weight} {cos}: {found}");
                 assert!((least..1.006).contains(&found), "{name}");
@@ -309,7 +309,7 @@ fn white_surfaces_beneath_coats_are_white() {
     }
 }
 
-/// By Cycles' formula, integrated in double precision over all light: rows of roughness, cosine and albedo.
+/// Cycles' formula, integrated in double precision over all light: rows of roughness, cosine and albedo.
 const VELVET: [(f32, f32, f64); 6] = [
     (0.3, 0.05, 0.862),
     (0.3, 0.2, 0.485),

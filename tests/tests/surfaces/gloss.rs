@@ -1,5 +1,5 @@
-//! Gather rays beside one another and surface photons seen on gloss: the same light on average as one gather ray finds
-//! alone, and less noise.
+//! Several gather rays and surface photons seen on gloss: the same mean light as one gather ray finds alone, with less
+//! noise.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, blur, images, reference_images, scene};
@@ -87,12 +87,12 @@ fn room(gloss: &str, other: &str, passes: u64) -> String {
     room.replace("PASSES", &passes.to_string())
 }
 
-/// One gather ray, or four, whatever the plan says.
+/// One gather ray, or four, whatever the plan chooses.
 fn gather_rays(plan: &mut RenderPlan, all: bool) {
     plan.gloss_rays_side = if all { 2 } else { 1 };
 }
 
-/// Blocks of the room by one gather ray, and by four.
+/// Blocks of the room with one gather ray, and with four.
 fn both(text: &str) -> [Blocks; 2] {
     let scene = scene(text);
     [false, true].map(|all| {
@@ -105,7 +105,7 @@ fn both(text: &str) -> [Blocks; 2] {
     })
 }
 
-/// Two pictures are the same, and sharp enough to tell.
+/// Two pictures are the same, with little enough noise to tell.
 fn same_means(name: &str, [alone, together]: &[Blocks; 2], suite: &mut Suite) {
     // Kernels blur what photons bring.
     suite.same_blocks(name, together, alone, 3e-3);
@@ -113,8 +113,8 @@ fn same_means(name: &str, [alone, together]: &[Blocks; 2], suite: &mut Suite) {
     assert!(noise < 0.03 * blur(), "{name}: {noise}");
 }
 
-/// Metal, frosted glass with what it transmits, a rough coat, and the principled BSDF. Significance 1e-2 for all blocks
-/// of all rooms together.
+/// Metal, frosted glass with transmission, a rough coat, and the principled BSDF. Significance 1e-2 for all blocks of
+/// all rooms together.
 #[test]
 fn gloss_changes_noise_and_not_light() {
     let mut suite = Suite::new(1e-2);
@@ -124,8 +124,7 @@ fn gloss_changes_noise_and_not_light() {
     suite.finish();
 }
 
-/// Gloss with a rule of its own finds the same light by one gather ray and by several. Significance
-/// 1e-2 for all blocks.
+/// Gloss with its own rule finds the same light with one gather ray and with several. Significance 1e-2 for all blocks.
 #[test]
 fn gloss_obeys_its_rules() {
     let mut suite = Suite::new(1e-2);
@@ -158,8 +157,7 @@ fn surfaces_among_many_lights_are_what_the_path_tracer_shows() {
     suite.finish();
 }
 
-/// The variance of passes in the middle of a ball of metal, that shows a wall lit by the spot, over that of one gather
-/// ray.
+/// Variance of passes in the middle of a metal ball that shows a wall lit by the spot, over that of one gather ray.
 #[test]
 fn gloss_lowers_the_noise() {
     for (paths, first, bound) in [(3000, 100, 0.5), (40_000, 0, 0.35)] {
@@ -196,7 +194,7 @@ fn bits_do_not_depend_on_threads() {
     assert_eq!(images[0], images[1]);
 }
 
-/// Polished things that see a lamp of no size in each other.
+/// Polished objects that show each other's images of a lamp without size.
 const POLISHED: &str = r#"
 [image]
 width = 24
@@ -233,8 +231,8 @@ material = "other"
 LIGHT
 "#;
 
-/// Lights of no size that polish shows by way of polish: each is found once, as the path tracer finds it. Significance
-/// 1e-2 for all blocks of all scenes.
+/// Lights without size that one polished surface shows by way of another: each is found once, as by the path tracer.
+/// Significance 1e-2 for all blocks of all scenes.
 #[test]
 fn lights_of_no_size_are_seen_once_in_polish() {
     let mut suite = Suite::new(1e-2);
@@ -263,7 +261,7 @@ fn lights_of_no_size_are_seen_once_in_polish() {
     suite.finish();
 }
 
-/// A lamp that rays pass, over a ball of polished metal: light sampling alone would hardly ever meet the lobe.
+/// A lamp that rays pass, over a ball of polished metal: light sampling alone would hardly ever hit the lobe.
 #[test]
 fn lamps_that_rays_pass_are_seen_in_polish() {
     const LAMP: &str = r#"
@@ -321,8 +319,8 @@ transform = [{ scale = 0.5 }, { rotate = { axis = [1, 0, 0], angle = 90 } }, { t
     suite.finish();
 }
 
-/// Materials that are mixed, of all kinds, lit by a lamp, with its caustics: what the path tracer finds
-/// which follows no photon.
+/// Blends of materials of all kinds, lit by a lamp with its caustics: as the path tracer finds them, which follows no
+/// photon.
 #[test]
 fn blends_are_what_the_path_tracer_shows() {
     const BLENDS: &str = r#"

@@ -1,5 +1,5 @@
-//! Textures as graphs: reflected, emitted, let through, as heights and as densities; against formulas, against
-//! checkerboards, and by the path tracer.
+//! Textures as graphs: reflected, emitted, transmitted, as heights and as densities; against formulas, against
+//! checkerboards, and with the path tracer.
 
 use super::vertex_colors::check;
 use beamfarm_harness::Suite;
@@ -73,7 +73,7 @@ fn a_square_reflects_and_emits_what_its_graph_says() {
     let found = blocks(&square(&blend), 4);
     for (i, block) in found.blocks.iter().enumerate() {
         let (u, v) = ([0.25, 0.75][i % 2], [0.75, 0.25][i / 2]);
-        // Blue is 1/4 everywhere: its mean is that of the weight.
+        // Blue is 1/4 everywhere, so its mean is that of the weight.
         let expected = 0.25 * (0.5 + 0.2 * (u + v) / 3.0);
         suite.mean_within(format!("blend, {i}"), &block[2], expected, 1e-5);
     }
@@ -140,8 +140,8 @@ type = "diffuse"
             assert_eq!(reflectance(&graph, uv), reflectance(&squares, uv), "{uv}");
         }
     }
-    // Light falls along the normal of a wave of heights, whose slope is known. Blended with what is below by its
-    // strength, and on another wave.
+    // Light along the normal of a wave of heights, whose slope is known. Blended with what is below by its strength,
+    // and on another wave.
     let wave = "texture = \"wave\", scale = 0.05";
     let blend = |n: Vec3, below: Vec3, strength: f32| (n * strength + below * (1.0 - strength)).normalize();
     for (bump, [strength, below]) in [
@@ -165,13 +165,13 @@ type = "diffuse"
             };
             let material = bumpy.material(&hit);
             let _ = bumpy.interaction(material, &mut hit, ray.dir, None);
-            // u = (x + 1) / 2; the height's slope by x is 0.05 * 4 pi cos(4 pi u) / 2.
+            // u = (x + 1) / 2; the slope of the height along x is 0.05 * 4 pi cos(4 pi u) / 2.
             let u = 0.5 * (x + 1.0);
             let slope = 0.05 * 2.0 * std::f32::consts::PI * cos(4.0 * std::f32::consts::PI * u);
             let lower = blend(Vec3::new(-slope, 1.0, 0.0).normalize(), Vec3::Y, below);
-            // Of a normal n and heights h over dp/du and dp/dv: n - grad h, the part of it across n.
+            // With a normal n and heights h over dp/du and dp/dv: n - grad h, its part across n.
             let across = Vec3::new(lower.y, -lower.x, 0.0);
-            // What moves by 1 in x moves by lower.y along the direction across it.
+            // A move by 1 in x is a move by lower.y along the direction across the normal.
             let upper = (lower - across * (slope / lower.y)).normalize();
             let expected = blend(upper, lower, strength);
             assert!((hit.ns - expected).length() < 2e-3, "{bump} {x}: {} {expected}", hit.ns);
@@ -181,7 +181,7 @@ type = "diffuse"
     }
 }
 
-/// A density that is a graph is that graph at its samples, and straight between them.
+/// A density from a graph is that graph at its samples, and linear between them.
 #[test]
 fn densities_are_what_their_graph_says() {
     let scene = scene(
@@ -213,7 +213,7 @@ power = 1
     let Medium::Heterogeneous(smoke) = &scene.description().media[0] else {
         panic!("a grid");
     };
-    // Linear from 0.05 to 1.95 at the outer samples, which hold to the border.
+    // Linear from 0.05 to 1.95 at the outer samples, whose values extend to the border.
     assert!((smoke.bricks().max() - 1.95).abs() < 1e-5, "{}", smoke.bricks().max());
     let mut sampler = beamfarm_render::sampler::Sampler::new(1, 0, beamfarm_render::sampler::Purpose::Test, 0);
     let origin = Vec3::new(1.0, 0.2, -1.0) - Vec3::new(0.0, 0.0, 5.0);

@@ -1,4 +1,4 @@
-//! Curves and points, of hair and of other materials, beside the path tracer; and meshes that are displaced.
+//! Curves and points, as hair and with other materials, against the path tracer; and displaced meshes.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, images, reference_images, scene, scene_with};
@@ -6,7 +6,7 @@ use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::world::geometry::Shape;
 use std::fmt::Write;
 
-/// A tuft of curves of eight points each, as text: some 60 strands that stand about.
+/// A tuft of some 60 spread strands as text, curves of eight points each.
 fn tuft() -> String {
     let mut text = String::new();
     for i in 0..60 {
@@ -34,8 +34,8 @@ materials.glass = { type = "dielectric", ior = 1.5 }
 materials.ground = { type = "diffuse", reflectance = 0.7 }
 "#;
 
-/// Hair, coated curves and balls of glass over a ground, lit by a lamp of some size: what paths find and what photons
-/// that hairs and balls scatter bring is what the path tracer finds, in vacuum and in fog.
+/// Hair, coated curves and balls of glass over a ground, lit by a lamp of some size, in vacuum and in fog: camera
+/// paths, and photons that hairs and balls scatter, bring what the path tracer finds.
 #[test]
 fn strands_look_as_the_path_tracer_has_them() {
     let shapes = r#"
@@ -77,7 +77,7 @@ emission = { radiance = 8 }
     suite.finish();
 }
 
-/// A heap of hair without absorption in even light is as bright as that, and cannot be told from it.
+/// A heap of hair without absorption in even light is as bright as the light, and cannot be seen in it.
 #[test]
 fn white_hair_is_not_seen_in_a_furnace() {
     let tuft = tuft();
@@ -111,8 +111,8 @@ radiance = 1
     suite.finish();
 }
 
-/// Heights of a graph of where points are: a cube without UV seams becomes what it should, closed as before, so that it
-/// may be of glass; and a height of an image.
+/// Heights from a graph of position: a cube without UV seams takes the right form and stays closed, so that it may be
+/// glass. And heights from an image.
 #[test]
 fn displaced_meshes_stay_closed() {
     let text = |material: &str, height: &str| {
@@ -146,7 +146,7 @@ radiance = 1
         };
         assert!(mesh.triangles.len() > 2000 && mesh.is_closed());
         if height == "0.75" {
-            // Faces by a tenth outwards, edges and corners along the mean of their normals.
+            // Faces move outwards by a tenth, edges and corners along the mean of their normals.
             let volume = mesh.signed_volume();
             assert!((8.0..2.2 * 2.2 * 2.2).contains(&volume), "{volume}");
         }

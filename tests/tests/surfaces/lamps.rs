@@ -1,4 +1,4 @@
-//! Lamps that rays pass, as Blender's are: surfaces that are nothing but lights.
+//! Lamps that rays pass, like Blender's: surfaces that are nothing but lights.
 
 use beamfarm_harness::differential::{Effort, examine};
 use beamfarm_harness::render::scene;
@@ -6,7 +6,7 @@ use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 
-/// A lamp as large as the floor that it is close to, and a ball of metal.
+/// A lamp as large as the floor close below it, and a ball of metal.
 fn room(lamp: &str, more: &str) -> String {
     format!(
         r#"
@@ -52,8 +52,8 @@ radius = 0.2
     )
 }
 
-/// What the path meets is balanced against samples of the lamp whether it passes the lamp or not: the same light, with
-/// noise of the same size. By samples alone there would be more than five times the variance.
+/// Whether the path passes the lamp or not, meeting it and sampling it are combined by MIS: the same light, with noise
+/// of the same size. Samples alone would have more than five times the variance.
 #[test]
 fn lamps_that_are_passed_are_as_quiet_as_others() {
     let found = |lamp: &str| {
@@ -80,7 +80,7 @@ fn lamps_that_are_passed_are_as_quiet_as_others() {
     assert!(noise < 1.5 * least, "{noise} {least}");
 }
 
-/// In fog, before and behind glass, beside a second lamp that is seen through the first.
+/// In fog, in front of and behind glass, next to a second lamp that is seen through the first.
 #[test]
 fn lamps_that_are_passed_are_right() {
     let more = r#"
@@ -112,9 +112,9 @@ emission = { radiance = [2, 6, 9] }
     assert!(!verdict.is_fault() && verdict.is_settled(), "{verdict}");
 }
 
-/// Two lamps in one plane, and a lamp in the plane of a ceiling, give as much light as where they are a hair apart: of
-/// two things at one place a ray meets one alone. Left as they are, a quarter of the light of two lamps is missing, and
-/// half of that of the one in the ceiling.
+/// Two lamps in one plane, and a lamp in the plane of a ceiling, give as much light as with a hair's gap between them,
+/// although a ray meets only one of two things at the same place. Left as they are, a quarter of the light of two lamps
+/// would be missing, and half of that of the one in the ceiling.
 #[test]
 fn lamps_at_the_place_of_something_else_give_all_their_light() {
     let second = |height: f32| {

@@ -1,4 +1,4 @@
-//! Layers: what they hold, that they add up to the beauty, and that the beauty does not know of them.
+//! Layers: what they hold, that they add up to the beauty, and that they do not change the beauty.
 
 use beamfarm_harness::render::scene;
 use beamfarm_harness::{MeanEstimate, Suite};
@@ -14,7 +14,7 @@ use beamfarm_render::plan::aov::light_layers;
 use beamfarm_render::plan::engine::PassImage;
 use beamfarm_render::world::Scene;
 
-/// All kinds of light paths: two groups of lights in three lights, a lamp that is seen, an environment, fog in a box,
+/// All kinds of light paths: two groups of lights in three lights, a visible lamp, an environment, fog in a box,
 /// mirror, glass, gloss, indirect light.
 const ROOM: &str = r#"
 [image]
@@ -100,7 +100,7 @@ fn pass(scene: &Scene, layers: &[Layer], pass_index: u64) -> PassImage {
     render_pass(scene, &plan, pass_index).expect("a pass")
 }
 
-/// The parts' sum is the beauty up to rounding, which is that of a few thousand additions.
+/// The parts sum to the beauty up to the rounding of a few thousand additions.
 fn assert_sum(beauty: &Film, parts: &[&Film]) {
     for (i, pixel) in beauty.pixels.iter().enumerate() {
         for (c, value) in pixel.iter().enumerate() {
@@ -145,13 +145,13 @@ fn the_beauty_is_the_sum_of_its_parts_and_the_same_without_them() {
             assert!(lit > 20, "{name}: {lit} pixels");
         }
         let beams: f64 = parts[6].pixels.iter().map(|p| f64::from(p[0])).sum();
-        // Each pixel counts for itself; neighbours that share what they gather of scattered light find each beam once.
+        // Each pixel counts for itself; neighbours that share the scattered light they gather look up each beam once.
         let found = with.stats.beam_evaluations as f64;
         assert!(0.3 * beams < found && found <= beams, "{found} of {beams}");
     }
 }
 
-/// A layer that is asked for alone holds what it holds among others, and threads do not matter.
+/// A layer holds the same alone as among others, and with any number of threads.
 #[test]
 fn layers_do_not_depend_on_each_other_nor_on_threads() {
     let scene = scene(ROOM);
@@ -164,7 +164,7 @@ fn layers_do_not_depend_on_each_other_nor_on_threads() {
     }
 }
 
-/// The same light in a scene of its own makes the same picture on average. Significance 9e-3 for all channels of all
+/// The same light in a scene of its own gives the same picture on average. Significance 9e-3 for all channels of all
 /// groups.
 #[test]
 fn a_group_is_what_its_lights_alone_would_give() {
@@ -238,8 +238,7 @@ fn a_group_is_what_its_lights_alone_would_give() {
             }
         }
         for c in 0..3 {
-            // Radii shrink with the pass, so late passes are another image by their bias; it is far below the noise
-            // here.
+            // Radii shrink with the pass, so late passes differ by their bias, which is far below the noise here.
             suite.same_mean(format!("{name}, channel {c}"), &group[c], &means[c]);
         }
     }
@@ -248,7 +247,7 @@ fn a_group_is_what_its_lights_alone_would_give() {
 
 #[test]
 fn geometry_layers_are_those_of_the_first_surface() {
-    // A wall across the axis behind a boundary of a medium, and a mirror before it in the left half.
+    // A wall across the axis behind a medium's boundary, and a mirror in front of it in the left half.
     let scene = scene(
         r#"
 [image]
@@ -326,7 +325,7 @@ fn nothing_is_there_where_a_ray_meets_nothing() {
     }
 }
 
-/// Every pass says what its rays meet: boundaries of media are passed, what is cut out as often as it is there.
+/// Every pass records what its rays hit. They pass boundaries of media, and hit a cut-out as often as its opacity says.
 #[test]
 fn mattes_are_of_the_first_surface() {
     let text = r#"
@@ -397,7 +396,7 @@ power = 10
             let found = pixels[pixel].iter().find(|entry| entry.id == id_of_name(name));
             found.map_or(0.0, |entry| f64::from(entry.passes) / passes as f64)
         };
-        // Binomial, 512 draws at 1/4: five standard deviations.
+        // Binomial, 512 draws with probability 1/4: five standard deviations.
         let spread = 5.0 * (0.25 * 0.75 / passes as f64).sqrt();
         for pixel in [7, 11, 12 + 8, 36 + 10] {
             assert!((share(pixel, curtain) - 0.25).abs() < spread, "{pixel}");
@@ -408,14 +407,14 @@ power = 10
         }
         let of_pole: f64 = (0..6).map(|pixel| share(pixel, pole)).sum();
         let width = 2.0 * 0.1 * 12.0 / (2.0 * 5.0 * libm::tan(20f64.to_radians()));
-        // Rays in a pixel are stratified; the pole is met by half a pixel.
+        // Rays in a pixel are stratified; half of a pixel hits the pole.
         assert!((of_pole - width).abs() < 0.05, "{of_pole} for {width}");
         assert!(pixels[0].is_empty());
     }
 }
 
-/// A slab of a medium lets exp(-sigma_t d) through, by channel; a cut-out of opacity 0.25 three quarters; glass covers.
-/// Both ways to gather light of media. Significance 1e-6, by the spread of the passes.
+/// By channel, a slab of a medium transmits exp(-sigma_t d), a cut-out of opacity 0.25 three quarters; glass covers.
+/// For both ways to gather a medium's light. Significance 1e-6, by the spread of the passes.
 #[test]
 fn alpha_is_what_covers() {
     for technique in ["photons", "paths"] {
@@ -477,7 +476,7 @@ radiance = 1.0
             let values = passes.iter().map(|film| f64::from(film.pixels[i][0]));
             let (n, mean) = (passes.len() as f64, values.clone().sum::<f64>() / passes.len() as f64);
             let error = (values.map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n * (n - 1.0))).sqrt();
-            // Rays are up to two degrees off the axis: a way longer by 6e-4.
+            // Rays are up to two degrees off the axis, so their way is longer by 6e-4.
             let (off, allowed) = ((mean - expected).abs(), 4.9 * error + 1e-3);
             assert!(
                 off <= allowed,
@@ -499,13 +498,13 @@ fn a_layer_of_no_light_is_refused() {
     );
 }
 
-/// Passes and samples mean the same by their layers. Means of 24 images over the whole; kernels may blur what passes
+/// Passes and path-tracer samples give the same layers. Means of 24 images over the whole; kernels may blur what passes
 /// see by 2 %. Significance 1e-3.
 #[test]
 fn layers_of_samples_are_those_of_passes() {
     let lights = "[[lights]]\nname = \"bulb\"\ntype = \"point\"";
     let mut toml = ROOM.replace(lights, "[[shapes]]\nname = \"bulb\"\ntype = \"sphere\"");
-    // What a path tracer does not find: small lights by way of glass.
+    // A path tracer does not find small lights through glass.
     toml = toml.replace(
         "group = \"warm\"\nposition = [-1.0, 1.5, 1.0]\npower = 20.0",
         "center = [-1.0, 1.5, 1.0]\nradius = 0.2\nemission = { power = 20.0, group = \"warm\" }",

@@ -1,4 +1,4 @@
-//! Scenes of materials that camera paths, gather rays, shadow rays and photons each treat in their own way, against
+//! Scenes with materials that camera paths, gather rays, shadow rays and photons each treat in their own way, against
 //! Mitsuba 3's path tracer; see tests/data/mitsuba_renders/render.py.
 
 use beamfarm_harness::Suite;
@@ -36,8 +36,7 @@ emission = { radiance = [8, 7, 6] }
 transform = [{ scale = 0.5 }, { rotate = { axis = [1, 0, 0], angle = 90 } }, { translate = [0, 2.2, -0.6] }]
 "#;
 
-/// Every block of 8 x 8 pixels is that of Mitsuba within the noise of both and a share for what kernels blur over
-/// edges.
+/// Every block of 8 x 8 pixels is Mitsuba's within the noise of both and a share for what kernels blur over edges.
 #[track_caller]
 fn is_that_of_mitsuba(objects: &str, expected: &str, bias: f64) {
     let assets: [(&str, &[u8]); 3] = [
@@ -51,7 +50,7 @@ fn is_that_of_mitsuba(objects: &str, expected: &str, bias: f64) {
         let numbers: Vec<f64> = row.split(',').map(|x| x.parse().expect(row)).collect();
         for (c, ours) in block.iter().enumerate() {
             let (mean, error) = (numbers[c], ours.std_error().hypot(numbers[c + 3]));
-            // 48 tests a scene: 4.5 standard errors are less than 1e-3 for all of them.
+            // 48 tests per scene: the chance of 4.5 standard errors in any of them is below 1e-3.
             if (ours.mean() - mean).abs() > bias * mean + 4.5 * error {
                 let ratio = ours.mean() / mean;
                 failures.push(format!("block {i}, channel {c}: {ratio} of {mean} +- {error}"));
@@ -116,8 +115,7 @@ material = "veil"
     is_that_of_mitsuba(objects, expected, 0.005);
 }
 
-/// Light that a blend alone scatters is that of its parts by their weights: a floor of
-/// three materials under a lamp.
+/// Light scattered by a blend alone is the weighted mean of its parts: a floor of three materials under a lamp.
 #[test]
 fn blends_are_the_mean_of_their_parts() {
     let image = |floor: &str, seed: u32| {
@@ -176,7 +174,7 @@ transform = [{{ scale = 0.5 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }
             let expected: f64 = parts.iter().map(|(w, part)| w * part.blocks[i][c].mean()).sum();
             let errors = parts.iter().map(|(w, part)| w * part.blocks[i][c].std_error());
             let error = errors.fold(ours.std_error(), f64::hypot);
-            // 48 tests: 4.5 standard errors are less than 1e-3 for all of them.
+            // 48 tests: the chance of 4.5 standard errors in any of them is below 1e-3.
             assert!(
                 (ours.mean() - expected).abs() <= 4.5 * error,
                 "block {i}, channel {c}: {} is not {expected} +- {error}",
@@ -186,7 +184,7 @@ transform = [{{ scale = 0.5 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }
     }
 }
 
-/// Metal is not shadowed by its bumps, and what is diffuse is.
+/// Bumps do not shadow metal, but they shadow what is diffuse.
 #[test]
 fn bump_and_normal_maps() {
     let objects = r#"
@@ -247,8 +245,8 @@ material = "principled"
     is_that_of_mitsuba(objects, expected, 0.005);
 }
 
-/// What a surface emits does not depend on what it lets through: a black lamp that rays pass shines like one that they
-/// do not, as long as there is nothing behind it.
+/// A surface's emission does not depend on what it lets through: a black lamp that rays pass shines like one that they
+/// do not pass, if nothing is behind it.
 #[test]
 fn lamps_that_are_not_opaque() {
     let image = |opacity: f32| {

@@ -1,4 +1,4 @@
-//! Materials as a scene file names them: their values against Mitsuba 3, and their samplers against their values.
+//! Materials as scene files name them: their values against Mitsuba 3, and their samplers against their values.
 
 use beamfarm_harness::render::scene;
 use beamfarm_harness::{Chi2, MeanEstimate, Suite};
@@ -11,7 +11,7 @@ use beamfarm_render::world::texture::TexturePoint;
 
 const SIGNIFICANCE: f64 = 0.01;
 
-/// In the order of their names, as scenes keep them.
+/// Ordered by name, as scenes keep them.
 const MATERIALS: &str = r#"
 [image]
 width = 8
@@ -183,7 +183,7 @@ fn values_are_those_of_mitsuba() {
                 sample.weight * sample.pdf
             }
         };
-        // Mitsuba approximates Beckmann's masking, each by up to 0.35 %, and a smooth coat's mean reflectance.
+        // Mitsuba approximates Beckmann's masking, up to 0.35 % per factor, and a smooth coat's mean reflectance.
         let tolerance = match columns[0] {
             name if name.contains("beckmann") => 7e-3,
             name if name.contains("plastic") => 2e-3,
@@ -206,8 +206,8 @@ fn direction(degrees: f32) -> Vec3 {
 
 const INCIDENCES: [f32; 5] = [1.0, 35.0, 70.0, 86.0, 140.0];
 
-/// Each side of the surface by itself. Together with the delta lobes' probabilities the densities integrate to one, but
-/// for the light that is lost for want of second bounces among microfacets.
+/// Each side of the surface separately. Together with the delta lobes' probabilities the densities integrate to one,
+/// less the light lost because microfacets have no second bounce.
 #[test]
 fn samples_follow_their_densities() {
     let named = Named::new();
@@ -278,7 +278,7 @@ fn weights_are_value_times_cosine_over_density() {
     }
 }
 
-/// The albedo by sampling is that by values, and no more than what arrives; without delta lobes likewise.
+/// The albedo from samples equals that from values, and is at most one; also without delta lobes.
 #[test]
 fn albedos_agree_and_never_gain() {
     let named = Named::new();
@@ -312,11 +312,11 @@ fn albedos_agree_and_never_gain() {
                 }
             }
             let name = format!("{name} at {degrees} degrees");
-            // Burley's lobes are not balanced against each other: there is a little too much at grazing angles, and a
-            // coat and sheen add to it.
+            // Burley's lobes are not balanced against each other: their sum is slightly too large at grazing angles,
+            // and a coat and sheen add to it.
             let bound = match &name {
                 name if name.contains("principled_coated") => 1.1,
-                // What sinks in crosses the surface twice, each time by the root of its share.
+                // Light that enters crosses the surface twice, each time scaled by the root of its share.
                 name if name.contains("principled_skin") => 1.2,
                 name if name.contains("principled") => 1.05,
                 _ => 1.0,
@@ -329,8 +329,7 @@ fn albedos_agree_and_never_gain() {
     suite.finish();
 }
 
-/// f(a, b) / eta(a)^2 = f(b, a) / eta(b)^2 for radiance (Veach 1997, eq. 5.14), and the flux of one is the radiance of
-/// the other.
+/// f(a, b) / eta(a)^2 = f(b, a) / eta(b)^2 for radiance (Veach 1997, eq. 5.14), and photons' flux is the adjoint.
 #[test]
 fn values_are_reciprocal() {
     let named = Named::new();
@@ -355,7 +354,7 @@ fn values_are_reciprocal() {
     }
 }
 
-/// A white base under a coat that reflects and absorbs nothing of its own loses nothing.
+/// A white base below a coat that reflects and absorbs nothing loses nothing.
 #[test]
 fn furnace_of_a_coated_white_base() {
     let white = MATERIALS.replace("[0.8, 0.4, 0.1]", "1.0");

@@ -1,5 +1,5 @@
-//! Cameras, lights, materials, what is sampled and with which density, what goes into which layer. Against formulas,
-//! integrals and tables of Mitsuba.
+//! Cameras, lights and materials: what is sampled with which density, and what goes into which layer. Against formulas,
+//! integrals and tables from Mitsuba.
 
 mod any_ray;
 mod bumps;

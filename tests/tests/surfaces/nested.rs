@@ -1,5 +1,5 @@
-//! Glass, liquids and ice that reach into each other or touch, against the formulas of plane layers, against the path
-//! tracer, and against the same thing in one piece.
+//! Glass, liquids and ice that overlap or touch, against the formulas of plane layers, against the path tracer, and
+//! against the same thing in one piece.
 
 use beamfarm_harness::differential::{Effort, examine};
 use beamfarm_harness::render::{average, blocks, is_long, reference_images, scene};
@@ -10,7 +10,7 @@ use beamfarm_render::world::Scene;
 use beamfarm_render::world::nested::{Meeting, Outcome, Reason};
 use beamfarm_scene::{ImportOptions, import};
 
-/// Parallel rays along z through the middle of what stands there, before a lamp of radiance 1.
+/// Parallel rays along z through the middle of the objects, in front of a lamp of radiance 1.
 const VIEW: &str = r#"
 image = { width = 8, height = 8 }
 render = { passes = 64, paths = 1000 }
@@ -32,7 +32,7 @@ transform = [{ scale = 50 }, { translate = [0, 0, -5] }]
 
 const ABSORBED: [f64; 3] = [0.1, 0.6, 1.2];
 
-/// A box from `z[0]` to `z[1]`, as wide as is said.
+/// A box from `z[0]` to `z[1]`, of the given width.
 fn slab(name: &str, z: [f64; 2], half: f64, more: &str) -> String {
     let (middle, thick) = (0.5 * (z[0] + z[1]), 0.5 * (z[1] - z[0]));
     format!(
@@ -54,7 +54,7 @@ fn juice(z: f64, more: &str) -> String {
     )
 }
 
-/// What gets through plane layers of an index, absorption and thickness each, with all that bounces to and fro.
+/// What passes plane layers, each with an index, absorption and thickness, including all internal reflections.
 fn through(layers: &[(f64, f64, f64)]) -> f64 {
     let (mut index, mut back, mut sum) = (1.0, 0.0, 1.0);
     let ends = [(1.0, 0.0, 0.0)];
@@ -85,7 +85,7 @@ fn seen(scene: &Scene) -> [Rgb; 2] {
     [by_paths, mean(&average(scene).beauty.pixels)]
 }
 
-/// Layers with absorption as a share of the juice's.
+/// Layers, with absorption as a share of the juice's.
 fn is_seen(what: &str, shapes: &str, layers: &[(f64, f64, f64)]) {
     let scene = scene(&format!("{VIEW}{shapes}"));
     for (by, seen) in ["the path tracer", "passes"].into_iter().zip(seen(&scene)) {
@@ -121,7 +121,7 @@ fn liquids_end_at_their_glass() {
     let air = (1.0, 0.0, 0.01);
     let apart = [GLASS, air, (1.33, 1.0, 1.98), air, GLASS];
     is_seen("gap", &(walls() + &juice(0.99, "")), &apart);
-    // The walls are cut by it.
+    // The walls cut it.
     let cut = (1.5, 0.0, 0.15);
     is_seen(
         "priority",
@@ -133,7 +133,7 @@ fn liquids_end_at_their_glass() {
     let keeps = walls().replace("material", "boundary = false\nmaterial");
     is_seen("no boundary", &(keeps.clone() + &juice(1.15, "")), &between);
     is_seen("no boundary, touch", &(keeps + &juice(1.0, "")), &between);
-    // Put there by other maps.
+    // Placed by other transforms.
     let mirrored = juice(1.15, "").replace("transform = [", "transform = [{ scale = [1, 1, -1] }, ");
     is_seen("mirrored", &(walls() + &mirrored), &between);
     let copied = walls()
@@ -157,7 +157,7 @@ fn what_is_of_one_index_has_no_surface_within() {
     is_seen("two blocks", &block, &[(1.5, 0.0, 2.0)]);
 }
 
-/// Ice that floats, in the middle or at the wall.
+/// Floating ice, in the middle or at the wall.
 #[test]
 fn three_solids_meet() {
     for (z, layers) in [
@@ -173,7 +173,7 @@ fn three_solids_meet() {
             is_seen(&format!("{z:?} {overlap}"), &shapes.concat(), layers);
         }
     }
-    // All under water, with its index said against that or not, if it says that it is there by a priority.
+    // Submerged ice, its index given relative to the water or not; its priority says that it is there.
     for ice in ["ice", "ice_in_water"] {
         let ice = slab("ice", [-0.5, 0.4], 0.9, &format!("material = \"{ice}\"\npriority = 1"));
         let layers = [GLASS, (1.33, 1.0, 0.6), (1.31, 0.0, 0.9), (1.33, 1.0, 0.5), GLASS];
@@ -181,7 +181,7 @@ fn three_solids_meet() {
     }
 }
 
-/// It is not lost in what has a priority for other reasons.
+/// A bubble is not lost in an object that has a priority for other reasons.
 #[test]
 fn bubbles_are_what_they_say() {
     let bubble = slab("bubble", [-0.5, 0.5], 0.9, "material = \"bubble\"");
@@ -227,7 +227,7 @@ fn who_gives_way_is_known() {
     assert_eq!(outcome(&upper), [(Meeting::Crossing, "b".to_owned(), Reason::Priority)]);
 }
 
-/// Also for what starts in there.
+/// Also for paths that start in there.
 #[test]
 fn the_medium_is_that_of_what_is_there() {
     for more in ["", "boundary = false\n"] {
@@ -250,7 +250,7 @@ fn the_medium_is_that_of_what_is_there() {
     }
 }
 
-/// A lamp and a ball in water that is modelled as two boxes, and as one: shadow rays pass what is not there.
+/// A lamp and a ball in water modelled as two boxes, and as one: shadow rays pass boundaries that do not count.
 #[test]
 fn two_waters_are_one() {
     let scene_of = |water: String| {
@@ -291,8 +291,8 @@ power = 50
     suite.finish();
 }
 
-/// Light through a ball of glass that reaches into coloured water, on what stands in it and beneath it: photons and
-/// paths, by every class of light path.
+/// Light through a ball of glass that reaches into coloured water, on what stands in it and below it: photons and
+/// camera paths, for every class of light path.
 #[test]
 fn photons_agree_with_paths() {
     for (what, ball) in [
@@ -347,7 +347,7 @@ transform = [{{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }}, {{ scale = 0.4 }
     }
 }
 
-/// The same of a file by Mitsuba.
+/// The same from a Mitsuba file.
 #[test]
 fn files_of_others_mean_the_same() {
     let cube = |z: [f64; 2], half: f64, index: f64, more: &str| {

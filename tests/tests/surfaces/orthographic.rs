@@ -1,4 +1,5 @@
-//! The orthographic camera: where its rays are, and that its picture is the path tracer's, and one from very far away.
+//! The orthographic camera: where its rays are, and that its picture is that of the path tracer and of a very distant
+//! camera.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, blocks_by, blur, images, is_long, reference_images, scene};
@@ -19,7 +20,7 @@ fn loaded(image: &str, camera: &str) -> Camera {
     scene(&text).description().camera
 }
 
-/// Rays start on the plane of the camera, four units of it from the left of the image to the right, and go forward.
+/// Rays start on the camera's plane, which spans four units from the left of the image to the right, and go forward.
 #[test]
 fn rays_are_parallel_and_pixels_square() {
     for (image, camera, corner, middle) in [
@@ -50,7 +51,7 @@ fn rays_are_parallel_and_pixels_square() {
     }
 }
 
-/// All rays of an image point meet in one point of the plane in focus, the one that is straight ahead.
+/// All rays of an image point meet in one point of the focal plane, the one straight ahead.
 #[test]
 fn points_in_focus_are_sharp() {
     let camera = loaded("", ", aperture = 0.4, focus_distance = 2.5");
@@ -72,7 +73,7 @@ fn points_in_focus_are_sharp() {
     }
 }
 
-/// A floor from above at 30 degrees to it: each pixel shows the square that its ray meets, by hand.
+/// A floor seen from above at 30 degrees: each pixel shows the square that its ray meets, computed by hand.
 #[test]
 fn a_floor_shows_its_squares_where_they_are() {
     let scene = scene(
@@ -110,17 +111,17 @@ radiance = 1.0
     let (mut white, mut black) = (0, 0);
     for y in 0..16 {
         for x in 0..32 {
-            // A quarter of a unit a pixel; a step up in the image is two on the floor, away from the camera.
+            // A pixel is a quarter of a unit; a step up in the image is two on the floor, away from the camera.
             let side = |x: usize, y: usize| {
                 let place = [0.25 * (x as f64 - 16.0), -2.0 * 0.25 * (8.0 - y as f64)];
-                // The floor's middle is where four squares meet, which are one unit wide.
+                // Four squares, one unit wide, meet at the floor's middle.
                 place.map(|along| along.floor() as i64)
             };
             let (low, high) = (side(x, y), [x + 1, y + 1]);
             let inner = side(high[0], high[1]);
             let is_cut = [0, 1].iter().any(|&i| inner[i] != low[i] && !is_edge(high[i], i));
             assert!(!is_cut, "squares are whole pixels");
-            // From above, v grows away from the camera, against y of the image.
+            // Seen from above, v grows away from the camera, against y of the image.
             let is_white = (low[0] + low[1]).rem_euclid(2) == 1;
             let value = film.pixels[y * 32 + x][0];
             let expected = if is_white { 1.0 } else { 0.0 };
@@ -134,12 +135,12 @@ radiance = 1.0
     assert_eq!(white, black);
 }
 
-/// Whether a pixel's far side is the side of a square: of four columns, of two rows.
+/// Whether a pixel's far side is a square's side: every four columns, every two rows.
 fn is_edge(at: usize, axis: usize) -> bool {
     at.is_multiple_of([4, 2][axis])
 }
 
-/// A ball of glass in a box of fog on a floor, before a wall: caustics on both.
+/// A ball of glass in a box of fog on a floor, in front of a wall: caustics on both.
 const STAGE: &str = r#"
 [render]
 passes = PASSES
@@ -200,10 +201,9 @@ fn by(scene: &Scene, media: Technique, seed: u64) -> Blocks {
     blocks_by(scene, techniques, seed, 8)
 }
 
-/// The path tracer's picture, and that of a camera 500 units away, for which all of the stage is as wide within four
-/// thousandths.
-/// The camera's plane lies before the stage, or cuts through the fog and the ball, much wider than it is far away.
-/// Significance 1e-2 for all blocks together.
+/// The path tracer's picture, and that of a camera 500 units away, for which the whole stage has the same scale within
+/// four thousandths. The camera's plane lies in front of the stage, or cuts through the fog and the ball, where it is
+/// much wider than far away. Significance 1e-2 for all blocks together.
 #[test]
 fn the_picture_is_that_of_the_path_tracer_and_of_a_camera_far_away() {
     let mut suite = Suite::new(1e-2);
@@ -227,7 +227,7 @@ fn the_picture_is_that_of_the_path_tracer_and_of_a_camera_far_away() {
             8,
         );
         for (seed, technique) in (0..).zip([Technique::Photons, Technique::Paths]) {
-            // What differs is which beams are near.
+            // The two cameras differ only in which beams are near.
             if technique == Technique::Paths && !is_long() {
                 continue;
             }

@@ -33,7 +33,7 @@ fn rough_dielectric(alpha: f32, eta: f32) -> Bsdf<'static> {
     })
 }
 
-/// A conductor that reflects everything: what is lost is lost by the microfacets.
+/// A conductor that reflects everything: only the microfacets lose light.
 fn white_conductor(alpha: f32) -> Bsdf<'static> {
     Bsdf::RoughConductor(RoughConductor {
         distribution: Distribution::Ggx,
@@ -81,7 +81,7 @@ fn scattering_bsdfs() -> Vec<(String, Bsdf<'static>)> {
     bsdfs
 }
 
-/// Rough glass that keeps its energy, which is not reciprocal.
+/// Energy-conserving rough glass, which is not reciprocal.
 fn white_glass() -> Vec<(String, Bsdf<'static>)> {
     let mut bsdfs = vec![];
     for distribution in [Distribution::Ggx, Distribution::Beckmann] {
@@ -115,7 +115,7 @@ fn albedo_by_sampling(bsdf: &Bsdf, wo: Vec3, mode: TransportMode, chunk: u64) ->
         .collect()
 }
 
-/// The same from `eval` alone, over directions that know nothing of the surface.
+/// The same from `eval` alone, over directions drawn independently of the surface.
 fn albedo_by_value(bsdf: &Bsdf, wo: Vec3, mode: TransportMode, chunk: u64) -> MeanEstimate {
     let mut rng = rng(chunk);
     (0..4 * SAMPLES)
@@ -148,8 +148,8 @@ fn sampling_and_values_agree_on_the_albedo() {
     suite.finish();
 }
 
-/// In a white furnace a surface sends back no more than it gets. A diffuse one and smooth ones send all of it; rough
-/// ones lose what one bounce among the microfacets cannot carry.
+/// In a white furnace a surface sends back no more than it gets. Diffuse and smooth ones send back all of it; rough
+/// ones lose what a single bounce among the microfacets cannot carry.
 #[test]
 fn furnace_never_gains_and_smooth_surfaces_lose_nothing() {
     let mut bsdfs = scattering_bsdfs();
@@ -170,8 +170,8 @@ fn furnace_never_gains_and_smooth_surfaces_lose_nothing() {
     }
 }
 
-/// Of a white furnace the camera sees white through rough glass that keeps its energy, wherever it is; of facets that
-/// are not alike in all directions, no more than that.
+/// In a white furnace the camera sees white through energy-conserving rough glass, from either side; through
+/// anisotropic glass, no more than that.
 #[test]
 fn white_glass_is_white_to_the_camera() {
     for (name, bsdf) in white_glass() {
@@ -182,7 +182,7 @@ fn white_glass_is_white_to_the_camera() {
             let wo = direction(degrees);
             let mut rng = rng(3);
             let eta = if wo.z > 0.0 { glass.eta } else { 1.0 / glass.eta };
-            // Radiance is more in a denser medium.
+            // Radiance is greater in a denser medium.
             let albedo: MeanEstimate = (0..SAMPLES)
                 .map(|_| {
                     let (lobe, u) = (rng.next_1d(), rng.next_2d());
@@ -193,7 +193,7 @@ fn white_glass_is_white_to_the_camera() {
                 })
                 .collect();
             let name = format!("{name} at {degrees}: {}", albedo.mean());
-            // What the table's numbers are off, and the error of the mean.
+            // The error of the table, and that of the mean.
             let off = 0.03 + 4.0 * albedo.std_error();
             let least = if glass.aspect == 1.0 { 1.0 - off } else { 0.65 };
             assert!((least..1.0 + off).contains(&albedo.mean()), "{name}");
@@ -201,7 +201,7 @@ fn white_glass_is_white_to_the_camera() {
     }
 }
 
-/// What photons carry to the camera is what the camera looks for.
+/// What photons carry to the camera equals what camera paths find.
 #[test]
 fn white_glass_is_the_same_to_photons() {
     let mut rng = rng(0);
@@ -218,8 +218,7 @@ fn white_glass_is_the_same_to_photons() {
     }
 }
 
-/// f(a, b) / eta(a)^2 = f(b, a) / eta(b)^2 for radiance (Veach 1997, eq. 5.14), and the flux of one is the radiance of
-/// the other.
+/// f(a, b) / eta(a)^2 = f(b, a) / eta(b)^2 for radiance (Veach 1997, eq. 5.14), and photons' flux is the adjoint.
 #[test]
 fn values_are_reciprocal() {
     let mut rng = rng(0);
@@ -239,7 +238,7 @@ fn values_are_reciprocal() {
             let index2 = |d: Vec3| if d.z > 0.0 { 1.0 } else { eta * eta };
             let back = back * index2(a) / index2(b);
             for other in [flux, back] {
-                // One microfacet seen edge-on has no digits left in its cosine; all of them together have.
+                // The cosine of one microfacet seen edge-on has no precision left; that of all together has.
                 let error = (forth - other).abs() / forth.max(1e-4);
                 assert!(error < 0.01, "{name} {a} {b}: {forth} {other}");
                 errors.add(f64::from(error));
@@ -251,7 +250,7 @@ fn values_are_reciprocal() {
     }
 }
 
-/// The share of reflected light of a boundary that is all but smooth is Fresnel's.
+/// An almost smooth boundary reflects Fresnel's share.
 #[test]
 fn nearly_smooth_boundaries_reflect_as_smooth_ones() {
     let bsdf = rough_dielectric(1e-3, 1.5);
@@ -284,7 +283,7 @@ fn hg_mean_cosine_is_g() {
             .map(|_| f64::from(phase.sample(old, rng.next_2d()).dot(old)))
             .collect();
         suite.mean(format!("sampled, g = {g}"), &cosine, f64::from(g));
-        // From the values: cosines drawn from another lobe of the same sign, weighted.
+        // From the values: cosines drawn from another lobe of the same sign, with weights.
         let proposal = Phase::HenyeyGreenstein { g: 0.9 * g };
         let (mut total, mut mean) = (MeanEstimate::new(), MeanEstimate::new());
         for _ in 0..SAMPLES {
@@ -299,7 +298,7 @@ fn hg_mean_cosine_is_g() {
     suite.finish();
 }
 
-/// Values and densities of rough surfaces as Mitsuba 3.9.1 has them; see tests/data/mitsuba_bsdf.py.
+/// Values and densities of rough surfaces from Mitsuba 3.9.1; see tests/data/mitsuba_bsdf.py.
 #[test]
 fn rough_surfaces_are_those_of_mitsuba() {
     let mut rows = 0;

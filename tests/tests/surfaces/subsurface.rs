@@ -1,4 +1,4 @@
-//! Light that sinks into a medium beneath a surface: against closed forms and the path tracer.
+//! Subsurface scattering in a medium below a surface: against closed forms and the path tracer.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, reference_images, scene};
@@ -42,8 +42,8 @@ fn path_traced(scene: &Scene) -> Blocks {
     Blocks::new(reference_images(scene, settings, 40, 64), 8)
 }
 
-/// What falls in comes out again where nothing is absorbed, however dark the share that comes back at once would be
-/// without the rest; and a ball of many mean free paths has the colour that was asked for, textures or not.
+/// Without absorption all light comes out again, however small the share reflected at once; and a ball of many mean
+/// free paths has the requested colour, with and without textures.
 #[test]
 fn even_light_comes_back_in_the_colour_that_was_asked_for() {
     let mut suite = Suite::new(1e-2);
@@ -75,8 +75,8 @@ fn even_light_comes_back_in_the_colour_that_was_asked_for() {
         for (by, found) in [("passes", blocks(&ball, 8)), ("paths", path_traced(&ball))] {
             for (channel, expected) in expected.into_iter().enumerate() {
                 let mean = &found.blocks[0][channel];
-                // The share of Burley's diffuse lobe that comes back at once is a little more than Lambert's, and the
-                // formula for the medium is off by up to 0.01.
+                // Burley's diffuse lobe reflects slightly more at once than Lambert's, and the formula for the medium
+                // is off by up to 0.01.
                 let off = if name == "white" { 1e-4 } else { 0.012 };
                 suite.mean_within(format!("{name}, {by}, {channel}"), mean, expected, off);
                 assert!(mean.std_error() < 0.05 * expected, "{name}, {by}: {}", mean.std_error());
@@ -86,7 +86,7 @@ fn even_light_comes_back_in_the_colour_that_was_asked_for() {
     suite.finish();
 }
 
-/// Under a lamp, beneath a coat, with a lamp of its own inside: as the path tracer has it.
+/// Under a lamp, below a coat, and with a lamp inside: as the path tracer renders it.
 #[test]
 fn passes_are_the_path_tracer() {
     let skin = "base_color = [0.8, 0.5, 0.3]\nroughness = 0.3\nsubsurface = 0.8\nsubsurface_radius = [0.2, 0.1, 0.05]";

@@ -1,12 +1,12 @@
-//! What is diffuse on both sides, against closed forms.
+//! Surfaces that are diffuse on both sides, against closed forms.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, blur, reference_images, scene};
 use beamfarm_image::job::ReferenceSettings;
 use std::f64::consts::PI;
 
-/// A lamp in a ball of paper: inside light is reflected again and again, as in an integrating sphere, so that the ball
-/// gives off the share t / (1 - r) of it, as evenly as a Lambertian source. By passes and by the path tracer.
+/// A lamp in a paper ball: inside, light is reflected again and again, as in an integrating sphere, so the ball emits
+/// the share t / (1 - r) of it, as evenly as a Lambertian source. By passes and by the path tracer.
 #[test]
 fn a_ball_of_paper_is_an_integrating_sphere() {
     let ball = scene(
@@ -44,8 +44,8 @@ power = 10
     let reference = Blocks::new(reference_images(&ball, settings, 40, 64), 8);
     for (name, found) in [("passes", blocks(&ball, 8)), ("paths", reference)] {
         for (channel, (r, t)) in [(0.3, 0.4), (0.5, 0.5), (0.1, 0.2)].into_iter().enumerate() {
-            // The lamp is off the middle: what falls on the inside first is uneven, and its own transmission with it;
-            // on the disc that is seen it is this much of the even one. All that comes later is even.
+            // The lamp is off the middle, so the first light on the inside and its transmission are uneven; on the
+            // visible disc it is this share of even light. All later light is even.
             let first = first_light();
             let even = 10.0 / (4.0 * PI);
             let expected = t * (first + even * r / (1.0 - r)) / PI;
@@ -61,7 +61,7 @@ power = 10
     suite.finish();
 }
 
-/// Mean irradiance from the lamp, W/m^2, over what is seen of the ball: the square [-1/2, 1/2]^2 along z.
+/// Mean irradiance from the lamp, W/m^2, over the visible part of the ball: the square [-1/2, 1/2]^2 along z.
 fn first_light() -> f64 {
     let side = 400;
     let at = |i: usize| (i as f64 + 0.5) / side as f64 - 0.5;

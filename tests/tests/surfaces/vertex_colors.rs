@@ -1,4 +1,4 @@
-//! Colours of a mesh's vertices: interpolated over triangles, times images, reflected and emitted.
+//! Vertex colours of meshes: interpolated over triangles, multiplied by images, reflected and emitted.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, blur, reference_images, scene_with};
@@ -6,7 +6,7 @@ use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::math::{Ray, Vec3};
 use beamfarm_render::world::Scene;
 
-/// The square [-1, 1]^2 in the xy plane. Its colours are (x + 1) / 2, (y + 1) / 4 and 1/4: the same in both triangles.
+/// The square [-1, 1]^2 in the xy plane. Its colours are (x + 1) / 2, (y + 1) / 4 and 1/4, the same in both triangles.
 const SQUARE: &[u8] =
     b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
     property float u\nproperty float v\nproperty float red\nproperty float green\nproperty float blue\n\
@@ -38,17 +38,17 @@ file = "square.ply"
     scene_with(&text, &[("square.ply", SQUARE)])
 }
 
-/// Mean over a block of 4 x 4 pixels, a quarter of the square, of a channel.
+/// A channel's mean over a block of 4 x 4 pixels, a quarter of the square.
 fn expected(block: usize, channel: usize) -> f64 {
     let (x, y) = ([-0.5, 0.5][block % 2], [0.5, -0.5][block / 2]);
     [0.5 * (x + 1.0), 0.25 * (y + 1.0), 0.25][channel]
 }
 
-/// What is seen of the square [-1, 1]^2 of the colours (x + 1) / 2, (y + 1) / 4 and 1/4, times `by`.
+/// The picture of the square [-1, 1]^2 with colours (x + 1) / 2, (y + 1) / 4 and 1/4, times `by`.
 pub(super) fn check(name: &str, found: &Blocks, by: [f64; 3], suite: &mut Suite) {
     for (i, block) in found.blocks.iter().enumerate() {
         for (channel, mean) in block.iter().enumerate() {
-            // A surface in an even sky of 1 is as bright as it reflects.
+            // In an even sky of 1 a surface's radiance is its reflectance.
             let expected = expected(i, channel) * by[channel];
             suite.mean_within(format!("{name}, {i}, {channel}"), mean, expected, 1e-5);
             assert!(
@@ -60,7 +60,8 @@ pub(super) fn check(name: &str, found: &Blocks, by: [f64; 3], suite: &mut Suite)
     }
 }
 
-/// By passes and by the path tracer, as reflectance, in a blend, where the mesh stands and where it is one of several.
+/// By passes and by the path tracer: as reflectance, in a blend, where the mesh stands itself and where it is one of
+/// several instances.
 #[test]
 fn a_square_reflects_what_its_vertices_say() {
     let mut suite = Suite::new(1e-2);
@@ -81,7 +82,7 @@ fn a_square_reflects_what_its_vertices_say() {
     suite.finish();
 }
 
-/// Normal maps go along v on both halves of what is mirrored, as the tangents of glTF and Blender do.
+/// Normal maps follow v on both halves of mirrored UVs, as the tangents of glTF and Blender do.
 #[test]
 fn normal_maps_of_mirrored_uv() {
     let mirrored = String::from_utf8(SQUARE.to_vec()).expect("text");
@@ -99,7 +100,7 @@ fn normal_maps_of_mirrored_uv() {
              normal_map = {{ checkerboard = [{color}, {color}] }}\n"
         );
         let scene = scene_with(&text, &[("square.ply", bytes)]);
-        // From the camera, which looks down at the middle.
+        // From the camera, looking down at the middle.
         let ray = Ray {
             origin: scene.description().camera.position + Vec3::new(0.3, 0.2, 0.0),
             dir: Vec3::NEG_Z,
@@ -112,14 +113,14 @@ fn normal_maps_of_mirrored_uv() {
     }
 }
 
-/// Light that the square gives is that of its vertices times `scale`.
+/// The emitted light is that of the vertices times `scale`.
 #[test]
 fn a_square_emits_what_its_vertices_say() {
     let glowing = square("emission = { radiance = { attribute = \"color\" }, scale = [2, 3, 4] }");
     assert_eq!(glowing.description().lights.len(), 2);
     let mut suite = Suite::new(1e-2);
     check("emission", &blocks(&glowing, 4), [2.0, 3.0, 4.0], &mut suite);
-    // Graphs may be made of them too, while the material asks for none.
+    // A graph may use them too, even if the material itself does not.
     let graph = "emission = { radiance = { texture = \"brighter\" } }\n[textures.brighter]\nnode = \"vector_math\"\n\
                  operation = \"multiply\"\na = { attribute = \"color\" }\nb = [2, 3, 4]";
     let glowing = square(graph);

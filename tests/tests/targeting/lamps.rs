@@ -1,11 +1,11 @@
-//! Which of many lamps photons start at.
+//! At which of many lamps photons start.
 
 use super::{noise, passes, plan, same};
 use beamfarm_harness::render::scene;
 use beamfarm_render::world::Scene;
 
-/// A room with a lamp in a globe of glass over the camera's head, all of whose light comes by photons, and seven rooms
-/// like it that the camera does not see, where lamps are as strong.
+/// A room with a lamp in a glass globe above the camera, so that all its light comes by photons, and seven unseen rooms
+/// like it with equally strong lamps.
 fn rooms(targeting: &str) -> Scene {
     let room = |i: usize| {
         let x = 3.0 * i as f32;
@@ -57,7 +57,7 @@ ior = 1.5
     ))
 }
 
-/// Photons start at the lamp that is seen; the picture is that of lamps chosen by their power, with less noise.
+/// Photons start at the lamp that is seen. The picture is that of lamps chosen by power, with less noise.
 #[test]
 fn lamps_that_are_seen_get_more_photons() {
     let (off, auto) = (rooms("off"), rooms("auto"));
@@ -80,7 +80,7 @@ fn lamps_that_are_seen_get_more_photons() {
     assert!(noise < 0.5, "{noise} times the variance");
 }
 
-/// A choice made where the camera saw another lamp than it does: the picture stays.
+/// Choosing from where the camera saw another lamp than it does now leaves the picture the same.
 #[test]
 fn a_wrong_choice_of_lamps_loses_no_light() {
     let looks_away = |targeting: &str, room: f32| {

@@ -1,4 +1,4 @@
-//! Photon targeting: it changes the noise of the picture and nothing else.
+//! Photon targeting changes the noise of the picture and nothing else.
 
 mod lamps;
 mod starts;
@@ -10,8 +10,8 @@ use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
-/// A room with a window on the right of the wall ahead, and perhaps one on the left, in a world that is much larger.
-/// Radii are given: the bias of a pass is the same however its photons are aimed.
+/// A room with a window on the right of the wall ahead, and perhaps one on the left, in a much larger world. Radii are
+/// given, so the bias of a pass does not depend on how its photons are aimed.
 struct Room<'a> {
     targeting: &'a str,
     left_window: bool,
@@ -114,7 +114,7 @@ cutoff_angle = 70.0
 beam_width = 10.0
 intensity = 60.0
 "#;
-/// A sun with an angle, and a spot that is a ball.
+/// A sun with an angular size, and a spot that is a ball.
 const WIDE_SUN: &str = r#"
 [[lights]]
 name = "light"
@@ -150,7 +150,7 @@ center = [4.0, 1.0, -0.5]
 radius = 0.4
 emission = { radiance = 20.0 }
 "#;
-/// Emits inwards, all around.
+/// A dome that emits inwards, all around.
 const DOME: &str = r#"
 [[shapes]]
 name = "light"
@@ -232,13 +232,13 @@ fn same(what: &str, a: &Blocks, b: &Blocks) {
     suite.finish();
 }
 
-/// Variance of the picture's blocks over that of another's.
+/// Ratio of the variances of two pictures' blocks.
 fn noise(a: &Blocks, b: &Blocks) -> f64 {
     let sum = |of: &Blocks| -> f64 { of.blocks.iter().flatten().map(|m| m.variance()).sum() };
     sum(a) / sum(b)
 }
 
-/// Every kind of light, and media, by one window: the same picture, with less noise.
+/// Every kind of light, and media, through one window: the same picture with less noise.
 #[test]
 fn pictures_are_the_same_with_less_noise() {
     let lights = [
@@ -253,7 +253,7 @@ fn pictures_are_the_same_with_less_noise() {
         ("sun and smoke", SUN_AND_SMOKE),
     ];
     for (what, more) in lights {
-        // What these have in common with others is tried by those.
+        // The other cases cover what these lights have in common with them.
         if ["sun", "spot", "wide sun", "lamp"].contains(&what) && !is_long() {
             continue;
         }
@@ -276,7 +276,7 @@ fn pictures_are_the_same_with_less_noise() {
     }
 }
 
-/// Targets of the same room with one of its windows walled up know nothing of the light that comes through that.
+/// Targets found with one of the windows walled up know nothing of the light through it.
 #[test]
 fn light_that_the_targets_do_not_know_of_is_not_lost() {
     for (what, more) in [("sky", SKY), ("dome", DOME)] {
@@ -296,7 +296,7 @@ fn light_that_the_targets_do_not_know_of_is_not_lost() {
     }
 }
 
-/// The lamp's photons pass a board before the window, those of walls pass the pane.
+/// The lamp's photons pass a board in front of the window; the walls' photons pass the pane.
 #[test]
 fn targeted_photons_obey_visibility_rules() {
     for (what, light) in [("sun", SUN), ("lamp", LAMP)] {
@@ -321,8 +321,8 @@ fn targeted_photons_obey_visibility_rules() {
     }
 }
 
-/// Kernels are as wide as fits the room that the camera sees, however large the world is around it; where the room is
-/// most of the world, by the world.
+/// Kernels fit the room that the camera sees, however large the world around it is. Where the room is most of the
+/// world, the world decides.
 #[test]
 fn kernels_fit_what_the_camera_sees() {
     let radii = |distance: f32| {
@@ -350,7 +350,7 @@ material = "wall"
     assert_eq!(near.smooth_ceiling, 0.04 * small);
     let (far, world) = radii(40.0);
     let (farther, _) = radii(80.0);
-    // The camera sees the room's inside, 2 x 2 x 2, whose box has half a diagonal of 1.73.
+    // The camera sees the room's inside, 2 x 2 x 2, whose box has a half diagonal of 1.73.
     let seen = far.smooth_ceiling / 0.08;
     assert!(seen > 1.0 && seen < 1.74, "{seen} of {world}");
     for (a, b) in [
@@ -379,7 +379,7 @@ fn any_number_of_threads_makes_the_same_targets_and_bits() {
     assert!(films[0] == films[1]);
 }
 
-/// Where photons land where they are of use, nothing changes; where they do not, they are aimed unasked.
+/// Where photons already land where they are useful, nothing changes; where they do not, they are aimed by default.
 #[test]
 fn it_is_off_by_itself_where_nothing_is_gained() {
     let open = |targeting: &str| {
@@ -441,7 +441,7 @@ power = 100
     assert!(plan.targets.is_some() && told.contains("photon targeting"), "{told}");
 }
 
-/// Photons that miss are dropped: here the targets know of nearly all light, so that little is missing.
+/// Photons that miss are dropped. Here the targets know of nearly all light, so little is lost.
 #[test]
 fn rejection_is_biased_and_says_so() {
     let room = |targeting| {

@@ -1,4 +1,4 @@
-//! Where photons that are aimed start, and with what flux.
+//! Where aimed photons start, and their flux.
 
 use super::{BALL, LAMP, POINT, Room, SKY, SPOT, SUN, WIDE_SUN, plan};
 use beamfarm_harness::quadrature::Rect;
@@ -9,7 +9,7 @@ use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::light::{EmissionSample, EmissionUniforms};
 
-/// Makes the world a thousand times as large as the room, so that rays from its rim meet discs but roughly.
+/// Makes the world a thousand times as large as the room, so that rays from its rim meet discs only roughly.
 const FAR: &str = r#"
 [[shapes]]
 name = "very far away"
@@ -19,8 +19,7 @@ radius = 0.4
 material = "wall"
 "#;
 
-/// Flux by where the photons start and where they go is that of plain emission, at a significance of 1e-3 for all of a
-/// light's together.
+/// Flux by start and direction is that of plain emission, at a significance of 1e-3 for all tests of a light together.
 #[test]
 fn flux_is_that_of_the_light() {
     for (what, more) in [
@@ -81,9 +80,8 @@ fn flux_is_that_of_the_light() {
     }
 }
 
-/// How many of a sampler's directions lie in caps around some of them, against the density integrated by even
-/// directions there: discs seen from the side make densities too narrow for a quadrature over the sphere. Significance
-/// 1e-3.
+/// The number of a sampler's directions in caps around some of them, against the density integrated over even
+/// directions there: discs seen edge-on make densities too narrow for quadrature over the sphere. Significance 1e-3.
 fn caps_hold_what_their_density_says(
     what: &str,
     draw: impl Fn(&mut Sampler) -> Option<Vec3>,
@@ -112,12 +110,12 @@ fn caps_hold_what_their_density_says(
     suite.finish();
 }
 
-/// Directions from lights that are somewhere, and points across the sun's rays, follow the density that weighs them.
-/// Each test at a significance of 1e-3.
+/// Directions from lights with a position, and points across the sun's rays, follow the density that weights them. Each
+/// test at a significance of 1e-3.
 #[test]
 fn starts_follow_their_density() {
     for (what, more) in [("spot", SPOT), ("ball", BALL), ("point", POINT), ("lamp", LAMP)] {
-        // What a ball has in common with a spot, and a point with a lamp, is tried by those.
+        // The spot and the lamp cover what the ball and the point have in common with them.
         if ["ball", "point"].contains(&what) && !is_long() {
             continue;
         }
@@ -152,7 +150,7 @@ fn starts_follow_their_density() {
     }
 }
 
-/// Points across one of the directions of a sun.
+/// Points across one direction of a sun.
 fn points_follow_their_density(what: &str, sun: &str) {
     let scene = Room {
         targeting: "on",
@@ -181,7 +179,7 @@ fn points_follow_their_density(what: &str, sun: &str) {
             return 0.0;
         }
         let origin = middle + frame.to_world(p.extend(0.0));
-        // Of a sun with an angle it is the density of the direction as well.
+        // For a sun with an angular size this density includes that of the direction.
         let of_dir = if one.pdf_dir.is_finite() { one.pdf_dir } else { 1.0 };
         light.mixture_pdf(bounds, aim, &EmissionSample { origin, ..one }) / of_dir
     };

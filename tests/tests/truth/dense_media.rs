@@ -1,4 +1,4 @@
-//! Media that are dense beside the scene, where beams are to bring their light all the same.
+//! Media that are dense compared with the scene, where beams must still bring their light.
 
 use beamfarm_harness::differential::{Effort, examine};
 use beamfarm_harness::render::scene;
@@ -47,8 +47,8 @@ center = [0, 0.17, 0]
 radius = 0.16
 "#;
 
-/// Narrow kernels are for beams in the dense medium. On surfaces they would make drops of light that most pictures have
-/// none of.
+/// Narrow kernels are for beams in the dense medium. On surfaces they would make spots of light that most pictures
+/// lack.
 #[test]
 fn surfaces_keep_their_kernels_beside_dense_media() {
     let ball = scene(BALL);
@@ -69,7 +69,7 @@ fn surfaces_keep_their_kernels_beside_dense_media() {
     assert!(widest < 0.1 * plan.radii.smooth_ceiling);
 }
 
-/// What comes out of the ball is what the path tracer finds.
+/// The light that leaves the ball is what the path tracer finds.
 #[test]
 fn light_that_dense_media_send_through_frosted_glass_is_all_there() {
     let effort = Effort {

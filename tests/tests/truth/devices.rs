@@ -1,12 +1,12 @@
-//! Passes of a device against passes of processors by the same plan, on scenes that nobody made: of either the mean of
-//! many is the same, block by block.
+//! Passes of a device against passes of processors by the same plan, on random scenes: the means of many passes are the
+//! same, block by block.
 //!
-//! Passes of both draw photons by the same random numbers, so that their differences have less noise than either. Tails
-//! are heavy: what differs is rendered four times as long with other random numbers before it counts, and again. The
-//! bits of the first ones are those that any device has.
+//! Both draw photons with the same random numbers, so that the differences have less noise than either picture. Tails
+//! are heavy: a scene that differs is rendered again, four times as long and with other random numbers, and then once
+//! more, before it counts. The first scenes must give the bits that every device gives.
 //!
-//! Here 2 scenes; with BEAMFARM_LONG=1 300. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which seed
-//! on: a line is printed for each.
+//! 2 scenes by default; 300 with BEAMFARM_LONG=1. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED set the number and the first
+//! seed; each scene then prints a line.
 
 use beamfarm_harness::MeanEstimate;
 use beamfarm_harness::random_scene::RandomScene;
@@ -23,26 +23,26 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What devices render of the first scenes, whatever device it is and until what passes render is changed: seeds, and
-/// the hash of the first pass that is looked at.
+/// What every device renders of the first scenes, until the computation of a pass changes: seeds, and the hash of the
+/// first pass examined.
 const HASHES: &str = include_str!("../../data/devices.txt");
 
 /// Pixels along the side of a block.
 const BLOCK: usize = 8;
-/// Paths of a pass.
+/// Photon paths of a pass.
 const PATHS: u32 = 300;
-/// How often what differs is looked at, each time longer.
+/// How often a scene that differs is examined, each time longer.
 const LOOKS: u32 = 3;
-/// How much longer.
+/// How much longer each time.
 const LONGER: u64 = 4;
-/// What single precision may make of a block's mean.
+/// Share of a block's mean that single precision may change.
 const ROUNDING: f64 = 1e-5;
 
 fn number(name: &str) -> Option<u64> {
     std::env::var(name).ok().map(|text| text.parse().unwrap())
 }
 
-/// What finds the light: each way in turn.
+/// The ways to find the light, each in turn.
 fn techniques(seed: u64) -> Techniques {
     let way = |nth: u32| match seed / 3_u64.pow(nth) % 3 {
         0 => None,
@@ -73,7 +73,7 @@ fn p_value(of: &MeanEstimate, scale: f64) -> f64 {
     }
 }
 
-/// What differs most, if anything does that is significant.
+/// The largest difference, if any is significant.
 fn difference(films: &[[Film; 2]], significance: f64) -> Option<String> {
     let own = films.iter().map(|[own, _]| own.clone());
     let less = films.iter().map(|[own, other]| {
@@ -106,14 +106,14 @@ fn difference(films: &[[Film; 2]], significance: f64) -> Option<String> {
     })
 }
 
-/// How many passes of a scene by which plan, from which on.
+/// Which passes of a scene to render, how many, and by which plan.
 struct Look {
     settings: JobSettings,
     first: u64,
     passes: u64,
 }
 
-/// The same passes of a device and of processors.
+/// The same passes by a device and by processors.
 fn films(engines: &Engines, scene: &RandomScene, look: &Look) -> Result<Vec<[Film; 2]>, EngineError> {
     let scene = scene.load().unwrap();
     let plan = RenderPlan::new(&scene, look.settings);
@@ -131,7 +131,7 @@ fn films(engines: &Engines, scene: &RandomScene, look: &Look) -> Result<Vec<[Fil
     Ok(both.collect())
 }
 
-/// Where the bits of a scene are known, an error for others.
+/// Whether a scene whose bits are known has them; an error if it has others.
 fn has_its_bits(seed: u64, film: &Film) -> Result<(), String> {
     let known = HASHES.lines().find_map(|line| line.strip_prefix(&format!("{seed} ")));
     let hash = pixel_hash(film);
@@ -142,7 +142,7 @@ fn has_its_bits(seed: u64, film: &Film) -> Result<(), String> {
     }
 }
 
-/// What becomes of a scene; an error where there is a fault.
+/// The result for a scene; an error if there is a fault.
 fn examine(engines: &Engines, seed: u64, passes: u64, significance: f64) -> Result<&'static str, String> {
     let scene = RandomScene::new(seed);
     let loaded = scene.load()?;
@@ -165,7 +165,7 @@ fn examine(engines: &Engines, seed: u64, passes: u64, significance: f64) -> Resu
                 seed: seed + 1_000_000 * u64::from(look),
                 ..settings
             },
-            // Large kernels at times, small ones at others.
+            // Large kernels for some scenes, small ones for others.
             first: if seed.is_multiple_of(2) { 0 } else { 50 },
             passes: passes * LONGER.pow(look),
         };

@@ -1,5 +1,4 @@
-//! Scenes on which pictures were wrong: small, each with its cause in its first line. Passes and path tracer against
-//! one another.
+//! Scenes whose pictures were once wrong: small, each with the cause in its first line. Passes against the path tracer.
 
 use beamfarm_harness::differential::Effort;
 use beamfarm_harness::differential::many::examine_alone;

@@ -1,5 +1,5 @@
 //! Hashes of small images. They change when the renderer computes something else: then look at the pictures, check the
-//! tests of estimators, and take the new hashes over in a commit that says why. They never change with the machine, the
+//! tests of estimators, and commit the new hashes with a message that says why. They never change with the machine, the
 //! number of threads, or the build. Those of pictures with visibility rules are in `rules/golden.rs`.
 
 use crate::rules::golden::RULES;
@@ -16,7 +16,7 @@ const SMOKE_HASH: &str = "fe8e53942e846d565cb420b899b2e4e77f8288b82a19c2c1ec1961
 const SURFACES_HASH: &str = "fd8ff2cff4ed3ead6b6f6adf88d6d540c81b735da763af8c248777ce8a6348ae";
 const LAMPS_HASH: &str = "8af16d14e5d1558e1d4e664ce3b671b7f5d4575b900560be0c0fbe5ef51cc3fc";
 
-/// The number of their bits, and a hash of all hashes.
+/// The number of the current bits, and a hash of all hashes.
 const NUMBERED: (&str, &str) = (
     "cpu 5",
     "c92cda1d97a0dbe6f8e4550f28bb7cbe57fd7b737ecdc2c2a7800cd62ae12eae",
@@ -178,7 +178,7 @@ type = "environment"
 radiance = [0.2, 0.3, 0.5]
 "#;
 
-/// A lamp whose caustics photons and camera paths bring, balanced, and one whose caustics photons bring alone.
+/// A lamp whose caustics photons and camera paths share, and one whose caustics come by photons alone.
 const LAMPS: &str = r#"
 [image]
 width = 40
@@ -222,7 +222,8 @@ position = [2.0, 2.0, 0.0]
 intensity = [0.5, 1.0, 1.5]
 "#;
 
-/// Jobs go on where the number of their passes' bits is the same: it grows whenever one of the hashes changes.
+/// A job may resume only where its passes' bits have the same number; the number grows whenever one of the hashes
+/// changes.
 #[test]
 fn bits_have_a_number() {
     let rules = RULES.iter().map(|(_, hash)| *hash);

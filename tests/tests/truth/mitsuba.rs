@@ -1,4 +1,4 @@
-//! Mitsuba scenes against pictures that Mitsuba 3 made of them. Late passes are rendered, whose radii have shrunk so
+//! Mitsuba scenes against pictures that Mitsuba 3 made of them. The passes are late ones, whose radii have shrunk so
 //! far that their bias is below the noise.
 
 use beamfarm_harness::mitsuba;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// The radius scale of beams is a fifth from here on.
 const FIRST_PASS: u64 = 128;
 
-/// Compare [`images`] of `passes` passes of `paths` photon paths.
+/// Compares [`images`] of `passes` passes of `paths` photon paths.
 fn compare(name: &str, passes: u64, paths: u32) {
     let scene = mitsuba::scene(name);
     let settings = JobSettings {
@@ -28,8 +28,8 @@ fn compare(name: &str, passes: u64, paths: u32) {
     );
 }
 
-/// The same by passes of a device, as many and of as many photon paths as one in software renders in a minute or two.
-/// Scenes that are not for devices say why.
+/// The same with passes of a device, with as many passes and photon paths as one in software renders in a minute or
+/// two. Scenes that devices do not render must give the reason.
 fn compare_device(name: &str) {
     if !is_long() {
         return;

@@ -1,4 +1,4 @@
-//! Whole pictures: against the path tracer, Mitsuba and their own bits of before.
+//! Whole pictures: against the path tracer, against Mitsuba, and against their own earlier bits.
 
 mod dense_media;
 mod devices;

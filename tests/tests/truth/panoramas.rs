@@ -1,10 +1,10 @@
-//! Panoramas: passes against the path tracer, whatever finds the light.
+//! Panoramas: passes against the path tracer, for every technique.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks_by, blur, is_long, reference_images, scene};
 use beamfarm_image::job::{ReferenceSettings, Technique, Techniques};
 
-/// A room of fog with a lamp and a ball of glass beside the camera and a ball behind it, which has a light of its own.
+/// A room of fog with a lamp, a glass ball next to the camera, and behind the camera a ball with a light in it.
 fn room(camera: &str, [width, height]: [u32; 2]) -> String {
     format!(
         r#"

@@ -1,5 +1,5 @@
-//! Which estimator counts which light path is a choice: any gives the same light. Rooms with every class of paths, by
-//! beams and photons, by camera paths, and by the path tracer.
+//! Which estimator counts which light path is free to choose: every choice gives the same light. Rooms with every class
+//! of paths, by beams and photons, by camera paths, and by the path tracer.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks_of, blur, is_long, reference_images, scene};
@@ -85,14 +85,14 @@ fn room(world: &str, ball: &str, other: &str, passes: u64) -> Scene {
 const PHOTONS: Option<Technique> = Some(Technique::Photons);
 const PATHS: Option<Technique> = Some(Technique::Paths);
 
-/// All ways to share the light: all by photons that can be, to none.
+/// All ways to share the light, from as much as possible by photons to none.
 const ALL: [Techniques; 6] = [
     techniques(PHOTONS, PHOTONS, PHOTONS),
     techniques(PHOTONS, PATHS, PHOTONS),
     techniques(PATHS, PHOTONS, PHOTONS),
     techniques(PATHS, PATHS, PHOTONS),
     techniques(PATHS, PATHS, PATHS),
-    // Caustics by both, balanced.
+    // Caustics by both, weighted by MIS.
     techniques(PATHS, PATHS, None),
 ];
 
@@ -105,7 +105,7 @@ const fn techniques(media: Option<Technique>, surfaces: Option<Technique>, caust
     }
 }
 
-/// Images of the scene, its light found by these.
+/// Images of the scene, its light found by these techniques.
 fn by(scene: &Scene, techniques: Techniques, seed: u64) -> Blocks {
     let settings = JobSettings {
         seed,
@@ -125,7 +125,7 @@ fn by(scene: &Scene, techniques: Techniques, seed: u64) -> Blocks {
     blocks_of(scene, &plan, 8)
 }
 
-/// Two pictures are the same, and sharp enough to tell.
+/// Two pictures are the same, with little enough noise to tell.
 fn same_means(name: &str, a: &Blocks, b: &Blocks, suite: &mut Suite) {
     // Kernels blur what photons bring.
     suite.same_blocks(name, a, b, 5e-3);
@@ -160,7 +160,7 @@ fn beams_and_camera_paths_find_the_same_light() {
             "material = \"red\"",
         ),
     ] {
-        // What is in these rooms is in others, and in random scenes.
+        // Other rooms and random scenes cover what is in these rooms.
         if ["fog", "fog and rough glass", "milk"].contains(&name) && !is_long() {
             continue;
         }
@@ -179,7 +179,7 @@ fn beams_and_camera_paths_find_the_same_light() {
     suite.finish();
 }
 
-/// An even sky, whose caustics camera paths find behind glass, or photons bring, or both. Significance 1e-2 for all
+/// An even sky whose caustics come by camera paths behind glass, by photons, or by both. Significance 1e-2 for all
 /// blocks.
 #[test]
 fn a_sky_is_met_behind_glass_or_brings_photons() {

@@ -1,10 +1,10 @@
-//! Passes against the path tracer on scenes that nobody made.
+//! Passes against the path tracer on random scenes.
 //!
-//! Here 8; with BEAMFARM_LONG=1 2,000, longer. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which
-//! seed on: a line is printed for each as soon as it is known. BEAMFARM_SECONDS: no single render that would last
-//! longer (half a minute, where nothing is said and the test is short: one scene would take as long as all others);
-//! what would have needed it is counted as "too long", and says nothing. Scenes with a fault, and those that differed
-//! without a verdict, are written to BEAMFARM_FAULTS (target/random-scenes by default).
+//! 8 scenes by default; with BEAMFARM_LONG=1 2,000, rendered longer. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED set the
+//! number and the first seed; each scene then prints a line as soon as its result is known. BEAMFARM_SECONDS limits a
+//! single render (default in the short test: half a minute, or one scene would take as long as all others); a scene
+//! that would need longer is counted as "too long" and not judged. Scenes with a fault, and those that differed without
+//! a verdict, are written to BEAMFARM_FAULTS (target/random-scenes by default).
 
 use beamfarm_harness::differential::Effort;
 use beamfarm_harness::differential::many::examine_seeds;

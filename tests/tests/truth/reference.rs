@@ -1,7 +1,8 @@
 //! The reference integrator against closed forms, quadrature, the beams, and Mitsuba.
 //!
-//! It has no bias, so there is no allowance for one: z-tests of means over blocks of pixels of independent images, at
-//! the significance that each test states. (Against an older path tracer, in smoke given on grids: `grid_media.rs`.)
+//! It has no bias, so no allowance is made for one: z-tests of means over blocks of pixels of independent images, at
+//! the significance that each test states. (`grid_media.rs` compares it with an older path tracer, in smoke given on
+//! grids.)
 
 use beamfarm_harness::furnace::{
     COATS_VEILS_AND_PANES, GLASS_BALL, MIRROR_BALL, WHITE_AND_GLASS, closed_box, under_the_sky,
@@ -18,7 +19,7 @@ use beamfarm_render::world::Scene;
 use glam::{DVec2, DVec3};
 
 const BLOCK: usize = 8;
-/// Single precision along a path: share of a value that may differ besides the noise.
+/// Single precision along a path: the share of a value that may differ on top of the noise.
 const ROUNDING: f64 = 1e-5;
 const UNBOUNDED: ReferenceSettings = ReferenceSettings {
     seed: 1,
@@ -37,7 +38,7 @@ fn images(scene: &Scene, settings: ReferenceSettings, samples: u64) -> Blocks {
     Blocks::new(reference_images(scene, settings, 32, samples), BLOCK)
 }
 
-/// Every block has this radiance, and so has the whole. Significance 1e-3.
+/// Every block has this radiance, and so has the whole image. Significance 1e-3.
 fn is_everywhere(got: &Blocks, expected: [f64; 3]) {
     let mut suite = Suite::new(1e-3);
     for (i, block) in got.blocks.iter().chain([&got.whole]).enumerate() {
@@ -76,13 +77,13 @@ fn closed_boxes_of_media_are_furnaces() {
     is_one(&closed_box(0.5, &format!("{GLASS_BALL}{MIRROR_BALL}{FOG}")));
 }
 
-/// A furnace whose paths are bounded is a geometric series.
+/// A furnace with bounded paths is a geometric series.
 #[test]
 fn the_bound_counts_scatterings() {
     let scene = scene(&closed_box(0.6, ""));
     for depth in [0, 1, 2, 7] {
         let expected = 1.0 - libm::pow(0.6f32.into(), f64::from(depth + 1));
-        // The walls emit 1 - 0.6 in single precision.
+        // In single precision the walls emit 1 - 0.6.
         is_everywhere(&images(&scene, bounded(depth), 4), [expected; 3]);
     }
 }
@@ -92,7 +93,7 @@ fn surfaces_under_the_sky_are_furnaces() {
     is_one(&under_the_sky(WHITE_AND_GLASS));
 }
 
-/// Media within media, within glass, and behind cut-outs, with densities that vary and without: nothing absorbs.
+/// Media within media, within glass, and behind cut-outs, with constant and varying densities: nothing absorbs.
 #[test]
 fn media_under_the_sky_are_furnaces() {
     for estimator in [
@@ -154,8 +155,8 @@ interior = "cloud"
     }
 }
 
-/// A medium that only absorbs, in a ball around the camera: what is left of the sky, and of a small white disc that it
-/// lights.
+/// A medium that only absorbs, in a ball around the camera: what it leaves of the sky, and of a small white disc lit by
+/// the sky.
 #[test]
 fn the_sky_is_absorbed_on_the_way_in_and_back() {
     let sigma_a = [0.3, 1.5, 0.0];
@@ -202,7 +203,7 @@ material = "paint"
 transform = [{ scale = 0.02 }]
 "#;
     let got = images(&scene(&ball("[0.0, 0.0, 0.4]", disc)), UNBOUNDED, 16);
-    // Significance 1e-3. Points of the disc that are seen are up to 0.005 off the centre: distances differ by the
+    // Significance 1e-3. The points of the disc that are seen are up to 0.005 off the centre; distances differ by the
     // square of that.
     let mut suite = Suite::new(1e-3);
     for (c, (sigma_a, mean)) in sigma_a.into_iter().zip(&got.whole).enumerate() {
@@ -218,7 +219,7 @@ const FOG_AROUND: PointInFog = PointInFog {
     sigma_a: [0.2, 0.5, 0.0],
 };
 
-/// Paths that are scattered once are the integral of single scattering, however dense the fog.
+/// The light of paths that are scattered once is the integral of single scattering, however dense the fog.
 #[test]
 fn a_point_light_in_fog_is_the_integral_along_the_ray() {
     let side = 4;
@@ -247,8 +248,8 @@ fn a_point_light_in_fog_is_the_integral_along_the_ray() {
     suite.finish();
 }
 
-/// Fog in colours, lit by a lamp in sight, with a mirror, a shiny ball, a cloud within a boundary and a paper with
-/// holes.
+/// Coloured fog, lit by a visible lamp, with a mirror, a shiny ball, a cloud within a boundary and a sheet of paper
+/// with holes.
 const FOGGY_ROOM: &str = r#"
 [image]
 width = 32
@@ -322,8 +323,8 @@ material = "paper"
 transform = [{ scale = 0.3 }, { rotate = { axis = [0, 1, 0], angle = 30 } }, { translate = [0.1, 0.4, -0.6] }]
 "#;
 
-/// Another estimator of the same light. Significance 1e-3 over all blocks and channels; 1 % for kernels, of late
-/// passes.
+/// Another estimator of the same light. Significance 1e-3 over all blocks and channels; late passes, with 1 % allowed
+/// for kernels.
 #[test]
 fn fog_with_a_lamp_is_what_beams_show() {
     let scene = scene(FOGGY_ROOM);

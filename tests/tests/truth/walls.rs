@@ -1,4 +1,5 @@
-//! Kernels do not reach through walls, nor past edges, and lose nothing on what is bent, creased or near.
+//! Kernels do not reach through walls or past edges, and lose nothing on surfaces that are bent, creased or close
+//! together.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, images, reference_images, scene};
@@ -26,7 +27,7 @@ type = "dielectric"
 ior = 1.5
 "#;
 
-/// A lamp in a ball of glass: photons bring its light.
+/// A lamp in a ball of glass, so that its light comes by photons.
 fn bulb([x, y, z]: [f64; 3]) -> String {
     let at = format!("center = [{x}, {y}, {z}]");
     format!(
@@ -54,7 +55,7 @@ type = "cube"
 transform = [{ scale = [0.0005, 1.5, 1] }, { translate = [0, 1.5, 0] }]
 "#;
 
-/// A lit room and a dark one, seen from within one of them, on either side of a wall at x = 0.
+/// A lit room and a dark one on either side of a wall at x = 0, seen from within one of them.
 fn two_rooms(wall: &str, from: f64, fog: &str) -> Scene {
     let camera = format!("origin = [{from}, 2.5, 0.001], target = [{from}, 0, 0], up = [0, 0, -1], fov = 60.0");
     let lamp = bulb([0.6, 1.2, 0.0]);
@@ -76,7 +77,7 @@ material = "grey"
     ))
 }
 
-/// Whether all pixels of some passes are black.
+/// Whether all pixels of several passes are black.
 fn is_black(scene: &Scene) -> bool {
     let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
     (0..16).all(|pass| {
@@ -103,7 +104,7 @@ fn a_room_beside_a_lit_one_is_dark() {
     }
 }
 
-/// Significance 1e-2 for all blocks of all pictures; one percent is for blur.
+/// Significance 1e-2 for all blocks of all pictures, with one percent allowed for blur.
 #[test]
 fn a_room_beside_a_dark_one_has_all_of_its_light() {
     let mut suite = Suite::new(1e-2);
@@ -115,7 +116,7 @@ fn a_room_beside_a_dark_one_has_all_of_its_light() {
     suite.finish();
 }
 
-/// A closed lit room in fog, seen from outside along its floor and its walls, past all of its edges.
+/// A closed lit room in fog, seen from outside along its floor and its walls, past all its edges.
 #[test]
 fn nothing_of_a_room_is_seen_past_its_edges() {
     for camera in [
@@ -161,8 +162,8 @@ transform = [{{ scale = [0.5, 0.5, 1] }}, {{ rotate = {{ axis = [1, 0, 0], angle
     suite.finish();
 }
 
-/// Corners, creases, a pillar, balls in and on the ground, and a plate on a foot, with kernels as wide as the things:
-/// what they lose to walls they would lose to these.
+/// Corners, creases, a pillar, balls in and on the ground, and a plate on a foot, with kernels as wide as the objects:
+/// a kernel that walls clip would be clipped here too.
 #[test]
 fn what_is_bent_or_creased_is_not_darkened() {
     let mut suite = Suite::new(1e-2);

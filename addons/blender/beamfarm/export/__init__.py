@@ -1,4 +1,4 @@
-"""Scenes of Blender as scene files of beamfarm, with their meshes and images beside them."""
+"""Exports Blender's scenes as scene files of beamfarm, with their meshes and images."""
 
 from .camera import lens_of
 from .exporter import Exporter, Result

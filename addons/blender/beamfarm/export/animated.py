@@ -1,8 +1,8 @@
-"""What may be another at another time."""
+"""What may change over time."""
 
 
 def is_animated(block):
-    """Whether a light, world or material has keys or drivers: itself, its nodes, or those of its groups."""
+    """Whether a light, world or material has keys or drivers: on itself, its nodes, or those of its groups."""
     if block is None:
         return False
     return getattr(block, "animation_data", None) is not None or _tree_is(getattr(block, "node_tree", None), set())

@@ -1,4 +1,4 @@
-"""Sums, products and the like of values: of pixels where they are images, else as nodes of texture graphs."""
+"""Sums, products and other functions of values: per pixel for images, otherwise as nodes of texture graphs."""
 
 from dataclasses import dataclass, field, replace
 
@@ -15,14 +15,14 @@ class Node:
     fields: dict
     """Inputs, which may be `Value`, and options."""
     parts: tuple = ()
-    """Owner, groups and node of Blender, for a texture with a name; empty for a node that stands where it is used."""
+    """Owner, groups and node in Blender, for a named texture; empty for a node written where it is used."""
     key: tuple = ()
-    """What the name is for: no other node has it."""
+    """What the name is for; unique to this node."""
     uv_map: str | None = field(default=None)
-    """Which one it reads, if it does."""
+    """The attribute that it reads, if any."""
 
     def output(self, name=None, width=1, is_vector=False):
-        """`Value` of one of its outputs, None for the first."""
+        """One of its outputs as a `Value`; None for the first."""
         special = {"texture": self, "output": name, "width": width}
         return Value(None, width, special=special, name="/".join(self.parts) or self.kind, is_vector=is_vector)
 
@@ -32,7 +32,7 @@ def is_graph(value):
 
 
 def calculate(function, *values):
-    """`combine`, and where the values are no pixels of one image a graph: of what `function` does to its arguments."""
+    """`combine`, or, unless the values are pixels of one image, a graph of what `function` does to its arguments."""
     try:
         return combine(function, *values)
     except NotShown as problem:
@@ -44,7 +44,7 @@ def calculate(function, *values):
 
 
 class Traced:
-    """Stands for a value while a function of arrays is run, and notes what becomes of it."""
+    """Stands for a value while an array function runs, and records the operations on it."""
 
     def __init__(self, value):
         self.value = value
@@ -100,14 +100,14 @@ def _operated(operation, *inputs):
 
 
 def _as_number(entry):
-    """What is a number here stays one among vectors, though a graph makes a colour."""
+    """A number stays a number among vectors, although graphs turn it into a colour."""
     if isinstance(entry, Value) and entry.width == 1 and is_graph(entry) and entry.special["width"] == 3:
         return Node("math", {"operation": "add", "a": entry, "b": 0.0}).output()
     return entry
 
 
 def scaled(value, factor):
-    """Radiance times a number; None for nothing. Images stay files where the number is a constant."""
+    """Radiance times a number; None for zero. Images stay files if the number is a constant."""
     if value is None or is_black(value) or is_black(factor):
         return None
     if factor.is_constant and factor.number() == 1.0:

@@ -1,8 +1,8 @@
-"""Bakes what nodes make, in a process of Blender's own: what it does to scenes and meshes is gone with it.
+"""Bakes nodes' outputs in a separate Blender process, whose changes to scenes and meshes vanish with it.
 
-Run as `baker.py FOLDER` by a Python with bpy, or by Blender with `--python baker.py -- FOLDER`. In the folder are
-`job.json`, as `bakes.Bakes` writes it, and `data.blend`. There is an array of numbers for each thing that was baked in
-the end, as `NAME.npy`, and a line in `failed.json` for each that was not.
+Run as `baker.py FOLDER` by a Python with bpy, or by Blender with `--python baker.py -- FOLDER`. The folder holds
+`job.json`, as written by `bakes.Bakes`, and `data.blend`. In the end it has an array `NAME.npy` for everything baked,
+and a line in `failed.json` for everything that was not.
 """
 
 import json
@@ -16,7 +16,7 @@ PANORAMA = "EQUIRECTANGULAR"
 
 
 def _copied(tree, groups):
-    """The inner trees on the way to a node, each of them made one that no other group shares."""
+    """The inner trees on the path to a node, each made unique to its group node."""
     trees = [tree]
     for name in groups:
         group = trees[-1].nodes[name]
@@ -26,7 +26,7 @@ def _copied(tree, groups):
 
 
 def _lead_out(tree, what):
-    """The socket of `tree` at which an output of a node within its groups comes out."""
+    """A socket of `tree` that carries the output of a node within its groups."""
     trees = _copied(tree, what["groups"])
     node = trees[-1].nodes[what["node"]]
     socket = next(each for each in node.outputs if each.identifier == what["socket"])
@@ -51,7 +51,7 @@ def _cycles(samples):
 
 
 def world(what, folder, samples):
-    """Rows of what is around from the bottom up, +x in the middle; of a sky with a sun without that."""
+    """A panorama of the world, rows from the bottom up, +x in the middle; for a sky with a sun, without the sun."""
     scene = _cycles(samples)
     made = bpy.data.worlds[what["world"]].copy()
     scene.world = made
@@ -69,7 +69,7 @@ def world(what, folder, samples):
     (camera if hasattr(camera, "panorama_type") else camera.cycles).panorama_type = PANORAMA
     scene.camera = bpy.data.objects.new("around", camera)
     scene.collection.objects.link(scene.camera)
-    # At the origin, towards +x, with +z above.
+    # At the origin, looking along +x, with +z up.
     scene.camera.rotation_euler = (0.5 * np.pi, 0.0, -0.5 * np.pi)
     render = scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = what["size"], what["size"] // 2, 100
@@ -94,7 +94,7 @@ def _pixels(image):
 
 
 def _as_rendered(shown):
-    """Modifiers as renders have them."""
+    """Modifiers as for renders."""
     for modifier in shown.modifiers:
         modifier.show_viewport = modifier.show_render
         if hasattr(modifier, "render_levels"):
@@ -102,7 +102,7 @@ def _as_rendered(shown):
 
 
 class Body:
-    """A copy of an object, as a mesh after its modifiers, with UV of its own."""
+    """A copy of an object as a mesh with its modifiers applied and its own UV."""
 
     def __init__(self, what, is_render):
         scene = bpy.context.scene
@@ -116,7 +116,7 @@ class Body:
         mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
         self.slots = [slot.material.original if slot.material else None for slot in evaluated.material_slots]
         scene.collection.objects.unlink(shown)
-        # Object Info's random number is by the name.
+        # Object Info's random number depends on the name.
         self.shown, self.name = shown, shown.name
         shown.name = "beamfarm was this"
         if shown.type == "MESH":
@@ -154,7 +154,7 @@ class Body:
         return name
 
     def uv(self):
-        """UV of its corners, after them the vertex of each: they are of the mesh that is known elsewhere if alike."""
+        """UV of its corners, followed by the vertex of each: these fit the original mesh if it is the same."""
         loops = len(self.mesh.loops)
         values = np.empty(loops * 2, dtype=np.float32)
         self.mesh.uv_layers[self.layer].uv.foreach_get("vector", values)
@@ -163,7 +163,7 @@ class Body:
         return np.concatenate([values.reshape(-1, 2), vertices[:, None].astype(np.float32)], axis=1)
 
     def bake(self, what, samples):
-        """Pixels of what one output of one material is on the mesh."""
+        """Pixels of one output of one material on the mesh."""
         _cycles(samples)
         size = what["size"]
         image = bpy.data.images.new("baked", size, size, float_buffer=True, is_data=True)
@@ -184,13 +184,13 @@ class Body:
         return _pixels(image)
 
     def remove(self):
-        """Takes it away."""
+        """Removes it."""
         bpy.data.objects.remove(self.object)
         self.shown.name = self.name
 
 
 def _shine(tree, socket, image):
-    """Makes a material shine with a colour alone, into an image."""
+    """Makes a material emit only this colour, into an image."""
     for node in [each for each in tree.nodes if each.bl_idname == "ShaderNodeOutputMaterial"]:
         tree.nodes.remove(node)
     output, shader = tree.nodes.new("ShaderNodeOutputMaterial"), tree.nodes.new("ShaderNodeEmission")
@@ -204,7 +204,7 @@ def _shine(tree, socket, image):
 
 
 def main(folder):
-    """Does the job of a folder."""
+    """Runs the job of a folder."""
     job = json.loads((folder / "job.json").read_text(encoding="utf-8"))
     bpy.ops.wm.read_factory_settings(use_empty=True)
     with bpy.data.libraries.load(str(folder / "data.blend")) as (there, here):
@@ -218,7 +218,7 @@ def main(folder):
     def attempt(name, make):
         try:
             return make()
-        except Exception as error:  # Whatever Blender says, the others are baked.
+        except Exception as error:   # Whatever Blender raises, the others are baked.
             failed[name] = " ".join(str(error).split())
             return None
 

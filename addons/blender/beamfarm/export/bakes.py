@@ -1,4 +1,4 @@
-"""What no node of the scene file says, as images that Blender bakes beside the export."""
+"""Outputs of nodes that the scene file cannot express, as images that Blender bakes during the export."""
 
 import json
 import subprocess
@@ -15,24 +15,24 @@ from .graph import Place, follow
 from .values import Lookup, Value
 
 SIZE, SAMPLES = 1024, 16
-# Seconds after which the process that bakes is given up.
+# Seconds after which the baking process is given up.
 PATIENCE = 300.0
 
-# What depends on who looks, or on what else is in the scene: no image of a surface has it.
+# Nodes that depend on the view or on the rest of the scene: no image of a surface can hold them.
 BY_VIEW = {"LAYER_WEIGHT", "FRESNEL", "CAMERA", "LIGHT_PATH", "AMBIENT_OCCLUSION", "SHADERTORGB", "PARTICLE_INFO"}
 BY_VIEW_OUTPUTS = {"TEX_COORD": {"Window", "Reflection", "Camera"}, "NEW_GEOMETRY": {"Incoming", "Backfacing"}}
-# What depends on where the object is, so that copies have another.
+# Nodes that depend on where the object is, so that copies differ.
 BY_PLACE = {"OBJECT_INFO", "VECT_TRANSFORM"}
 BY_PLACE_OUTPUTS = {"NEW_GEOMETRY": {"Position", "Normal", "True Normal", "Tangent"}}
 
 
 def key_of(place):
-    """The same for an output of a node in each reading of its tree."""
+    """The key of a node's output, the same each time its tree is read."""
     return tuple(group.name for group in place.groups), place.node.name, place.socket.identifier
 
 
 def upstream(place):
-    """All outputs of nodes that an output is made of, itself among them."""
+    """All outputs of nodes that contribute to an output, including itself."""
     waiting, seen = [place], set()
     while waiting:
         here = waiting.pop()
@@ -53,7 +53,7 @@ def _has(place, kinds, outputs):
 
 
 def can_be_baked(place):
-    """Whether an image can hold an output: not what depends on the view, nor what Blender has no picture for."""
+    """Whether an image can hold an output: it must not depend on the view, and Blender must be able to bake it."""
     for here in upstream(place):
         node = here.node
         if _has(here, BY_VIEW, BY_VIEW_OUTPUTS) or here.socket.type == "SHADER":
@@ -68,7 +68,7 @@ def _is_missing(image):
 
 
 def is_of_place(place):
-    """Whether an output is another where the object is another one, or at another place."""
+    """Whether an output depends on the object or its place."""
     for here in upstream(place):
         if _has(here, BY_PLACE, BY_PLACE_OUTPUTS):
             return True
@@ -81,7 +81,7 @@ def is_of_place(place):
 
 @dataclass(frozen=True)
 class Corners:
-    """UV of a mesh's corners that stand in the place of colours of its vertices."""
+    """UV of a mesh's corners that take the place of vertex colours."""
 
     key: tuple
     values: object = field(compare=False, repr=False)
@@ -92,7 +92,7 @@ class Corners:
 
 @dataclass
 class Body:
-    """What is asked for of one object."""
+    """The requests for one object."""
 
     name: str
     original: object
@@ -101,7 +101,7 @@ class Body:
 
 
 class Bakes:
-    """Gathers what is to be baked while a scene is read, has Blender bake it, and knows what came of it."""
+    """Collects what to bake while a scene is read, has Blender bake it, and holds the results."""
 
     def __init__(self):
         self._worlds = {}
@@ -112,18 +112,18 @@ class Bakes:
 
     @property
     def is_wanted(self):
-        """Whether something is asked for that is not there yet."""
+        """Whether a request is still open."""
         return bool(self._worlds or self._bodies)
 
     def ask_world(self, world, places):
-        """Asks for outputs of a world's nodes."""
+        """Requests outputs of a world's nodes."""
         for place in places:
             at = ("world", world.name, key_of(place))
             if at not in self._done:
                 self._worlds[at] = world.original
 
     def ask(self, placed, material, places):
-        """Asks for outputs of a material's nodes on an object."""
+        """Requests outputs of a material's nodes on an object."""
         original = placed.object.original
         for place in places:
             at = (placed.uid, material.name, key_of(place))
@@ -133,7 +133,7 @@ class Bakes:
             body.wanted[at] = material.original
 
     def of_world(self, world, place):
-        """What came of an output of a world, by direction; None where there is nothing."""
+        """The result for an output of a world, by direction; None if there is none."""
         values = self._done.get(("world", world.name, key_of(place)))
         if values is None:
             return None
@@ -141,7 +141,7 @@ class Bakes:
         return Value(lambda: values, 3, Lookup(turn), name=f"{world.name}-{place.node.name}")
 
     def of_surface(self, placed, material, place):
-        """What came of an output on an object; None where there is nothing."""
+        """The result for an output on an object; None if there is none."""
         values = self._done.get((placed.uid, material.name, key_of(place)))
         if values is None:
             return None
@@ -153,16 +153,16 @@ class Bakes:
         return node.output(None, 1 if is_number else 3, place.socket.type == "VECTOR")
 
     def has_surface(self, placed, material):
-        """Whether something of a material was baked on this object."""
+        """Whether anything of a material was baked on this object."""
         return any(at[0] == placed.uid and at[1] == material.name and values is not None
                    for at, values in self._done.items())
 
     def is_alike(self, placed, vertex_of):
-        """Whether the mesh at hand is the one that was baked, by the vertices of its corners."""
+        """Whether the present mesh is the one that was baked, judged by the vertices of its corners."""
         return np.array_equal(self._uv[placed.uid].values[:, 2].astype(np.int64), vertex_of)
 
     def run(self, depsgraph):
-        """Has Blender bake all that is asked for."""
+        """Has Blender bake all open requests."""
         with tempfile.TemporaryDirectory(prefix="beamfarm-bake-") as temporary:
             folder = Path(temporary)
             job, asked = self._job(depsgraph)
@@ -208,13 +208,13 @@ class Bakes:
             uid = int(what["uv"][2:])
             if path.is_file():
                 values = np.load(path)
-                # Later bakes of an object are over the same UV; else they do not fit what is there.
+                # Later bakes of an object must use the same UV; otherwise they do not fit the earlier ones.
                 if uid in self._uv and not np.array_equal(self._uv[uid].values, values):
                     self._files = {file: at for file, at in self._files.items() if at[0] != uid}
                 self._uv.setdefault(uid, Corners(("baked", uid), values))
         for file, at in self._files.items():
             path = folder / f"{file}.npy"
-            # None as well is known: it is not asked for again.
+            # None is a result as well: it is not requested again.
             self._done[at] = np.load(path) if path.is_file() else None
         failed = folder / "failed.json"
         if failed.is_file():
@@ -230,5 +230,5 @@ def _command(folder):
     script = str(Path(__file__).with_name("baker.py"))
     if bpy.app.binary_path:
         return [bpy.app.binary_path, "--background", "--factory-startup", "--python", script, "--", str(folder)]
-    # Blender as a module of Python.
+    # Blender as a Python module.
     return [sys.executable, script, str(folder)]

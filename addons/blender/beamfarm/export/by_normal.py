@@ -1,4 +1,4 @@
-"""Fresnel and Layer Weight with a normal of their own, as texture graphs: Cycles' formulas of the viewer's angle."""
+"""Fresnel and Layer Weight with their own normal as texture graphs: Cycles' formulas of the viewing angle."""
 
 from .arithmetic import Node
 from .values import constant
@@ -15,7 +15,7 @@ def _cosine(normal):
 
 
 def fresnel(normal, index):
-    """Share that a boundary without absorption reflects; from behind by the inverse of the index."""
+    """The share that a boundary without absorption reflects; from behind with the inverse index."""
     cosine = _cosine(normal)
     behind = Node("geometry", {}).output("backfacing")
     inverse = _math("divide", constant(1.0), index)
@@ -35,7 +35,7 @@ def fresnel(normal, index):
 
 
 def index_of_blend(blend):
-    """Index of refraction of Layer Weight's Fresnel."""
+    """Index of refraction for Layer Weight's Fresnel."""
     return _math("divide", constant(1.0), _math("maximum", _math("subtract", constant(1.0), blend), constant(1e-5)))
 
 

@@ -1,4 +1,4 @@
-"""What the parts of one export share."""
+"""State that the parts of one export share."""
 
 from dataclasses import dataclass, field
 
@@ -14,50 +14,49 @@ class Placed:
     """An object at one of its places."""
 
     object: object
-    """None once the depsgraph shows the next one: of an instance Blender makes it for the moment, in memory that it
-    uses again."""
+    """None once the depsgraph shows the next object: Blender makes instances temporarily, in memory that it reuses."""
     name: str
     uid: int
     """`session_uid` of the object."""
     key: tuple
-    """The same in each export; for instances with their numbers in it."""
+    """The same in each export; for instances it includes their numbers."""
     matrix: object
     instancer: int | None = None
-    """`session_uid` of the object that makes it as an instance; None for objects of the scene."""
+    """`session_uid` of the object whose instance it is; None for objects of the scene."""
     visible: list | None = None
-    """The rays that see it, None for all: of objects that are not lights."""
+    """The rays that see it, None for all; for objects that are not lights."""
     mesh: tuple | None = None
-    """One for each mesh that is written: object, data, the evaluated data's place in memory, instancer."""
+    """A key for each mesh that is written: object, data, the evaluated data's address, instancer."""
     steps: int = 0
-    """Motion steps as Cycles counts them: keys at 2**steps + 1 times; 0 for what is not blurred."""
+    """Motion steps as in Cycles: keys at 2**steps + 1 times; 0 without blur."""
     deforms: bool = False
     """Whether the motion of its vertices is blurred."""
     random: int = 0
-    """Blender's random number of it, 32 bits."""
+    """Blender's random number for it, 32 bits."""
     index: int = 0
     """Its pass index."""
     edge: float | None = None
-    """How long edges of its mesh are where it is subdivided for displacement; None where it is not."""
+    """Edge length to which its mesh is subdivided for displacement; None without subdivision."""
 
 
 @dataclass
 class Source:
-    """What a table of shapes or lights comes from, for keys at other times."""
+    """The origin of a table of shapes or lights, used to find it again at other times."""
 
     keys: list
-    """One for each place, the same at all times: of the object at its place, and which part of it this is."""
+    """Unique per place and the same at all times: the object at its place, and which part of it this is."""
     steps: int
     deforms: bool = False
     geometry: object = None
-    """`geometry.Geometry` and what of it goes into the file; None for what is no mesh."""
+    """`geometry.Geometry` and what of it goes into the file; None if it is no mesh."""
     variant: tuple | None = None
     within: object = None
-    """Matrix that comes before that of the object, if the object's is to be moved by itself."""
+    """The matrix that precedes the object's, if the object's is to move separately."""
 
 
 @dataclass
 class Context:
-    """Tables of the scene file as they grow, and what is asked for on the way."""
+    """The scene file's tables as they grow, and what is requested meanwhile."""
 
     depsgraph: object
     scene: object
@@ -66,18 +65,18 @@ class Context:
     pictures: Pictures
     report: Report
     slots: dict
-    """`materials.Slot` by material; kept from export to export."""
+    """`materials.Slot` by material; kept between exports."""
     geometries: dict
-    """`geometry.Geometry` by object; likewise."""
+    """`geometry.Geometry` by object; kept likewise."""
     names: Names = field(default_factory=Names)
     material_names: Names = field(default_factory=Names)
     media_names: Names = field(default_factory=Names)
     texture_names: Names = field(default_factory=Names)
     world_medium: object = None
     textures: dict = field(default_factory=dict)
-    """Graphs by name, also of what is not in the scene file in the end."""
+    """Graphs by name, including those that the scene file does not use in the end."""
     written: dict = field(default_factory=dict)
-    """Name of a texture by its `arithmetic.Node` and what the name is for."""
+    """Name of a texture, by its `arithmetic.Node` and what the name is for."""
     media: dict = field(default_factory=dict)
     materials: dict = field(default_factory=dict)
     shapes: list = field(default_factory=list)
@@ -87,20 +86,20 @@ class Context:
     without_shadows: list = field(default_factory=list)
     """Names of lights."""
     shown: dict = field(default_factory=dict)
-    """Names of shapes and lights by `session_uid` of the object that they come from."""
+    """Names of shapes and lights, by `session_uid` of their object."""
 
     motion: object = None
-    """`motion.Moment`, where the scene is read at several times."""
+    """`motion.Moment`, if the scene is read at several times."""
     sources: dict = field(default_factory=dict)
     """`Source` by `id` of a table of shapes or lights."""
     nearest: dict = field(default_factory=dict)
-    """Distance of what is nearest to lights at their places, the same at all times."""
+    """Distance from lights at their places to the nearest object, the same at all times."""
     soft: list = field(default_factory=list)
-    """Tables of lights with soft falloff that does not show on surfaces."""
+    """Tables of lights whose soft falloff does not show on surfaces."""
     bakes: object = None
-    """`bakes.Bakes`, where Blender may bake what no node says."""
+    """`bakes.Bakes`, if Blender may bake what the scene file cannot express."""
     counts: dict = field(default_factory=dict)
-    """How many parts of an object at its place there are so far."""
+    """How many parts an object at its place has so far."""
 
     def part(self, placed, kind):
         """The key of one more part of this kind of an object at its place."""
@@ -109,7 +108,7 @@ class Context:
         return placed.key, kind, count
 
     def add_medium(self, placed, name, medium):
-        """Adds to `[media]` what moves with an object."""
+        """Adds to `[media]` a medium that moves with an object."""
         self.media[name] = medium
         if self.motion is not None:
             self.sources[id(medium)] = Source([], placed.steps)
@@ -121,19 +120,19 @@ class Context:
             self.sources[id(light)] = Source([self.part(placed, "light")], placed.steps)
 
     def add_surroundings(self, light, rays):
-        """Adds the light of the world, or what some kinds of rays see of it."""
+        """Adds the world's light, or what some kinds of rays see of it."""
         self.lights.append(light)
         if self.motion is not None:
             self.sources[id(light)] = Source([("world", *rays)], 1)
 
     def add_shape(self, placed, shape, kind="shape", **source):
-        """Adds to `[[shapes]]` what is at one place."""
+        """Adds a shape at one place to `[[shapes]]`."""
         self.shapes.append(shape)
         if self.motion is not None:
             self.sources[id(shape)] = Source([self.part(placed, kind)], placed.steps, placed.deforms, **source)
 
     def add_copies(self, places, shape, kind="shape", **source):
-        """Adds to `[[shapes]]` instances of one thing at these places, with a number at each."""
+        """Adds instances of one shape at these numbered places to `[[shapes]]`."""
         self.shapes.append(shape)
         if self.motion is not None:
             keys = [self.part(placed, (kind, number)) for placed, number in places]
@@ -141,7 +140,7 @@ class Context:
             self.sources[id(shape)] = Source(keys, placed.steps, placed.deforms, **source)
 
     def show(self, placed, name):
-        """Notes that `name` stands for an object and for what makes it as an instance, for rules."""
+        """Records that `name` stands for an object and its instancer, for rules."""
         for uid in (placed.uid, placed.instancer):
             if uid is not None and name not in self.shown.setdefault(uid, []):
                 self.shown[uid].append(name)

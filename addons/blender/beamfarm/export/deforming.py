@@ -7,12 +7,12 @@ from .names import file_name
 
 
 class Deforming:
-    """Where the vertices of a mesh are at the frame's own time, and at the other times at which they are elsewhere."""
+    """A mesh's vertex positions at the frame's own time, and at the other times at which they differ."""
 
     def __init__(self, arrays, name):
         self.name = name
         self.moves = {}
-        """By time a dict of `meshes.Corners` by what goes into a file: slot, UV map, attribute."""
+        """By time, `meshes.Corners` by what goes into a file: slot, UV map, attribute."""
         self.has_other_polygons = False
         self._positions = arrays.positions
         self._polygons = len(arrays.mesh.polygons)
@@ -21,7 +21,7 @@ class Deforming:
         self._paths = {}
 
     def meet(self, mesh, time, variants, is_long):
-        """Looks at the mesh at another time than its own. `is_long`: there are many times, and any polygons will do."""
+        """Takes the mesh at another time. `is_long`: there are many times, and any polygons will do."""
         if len(mesh.polygons) == self._polygons and np.array_equal(positions_of(mesh), self._positions):
             return
         arrays = MeshArrays(mesh)
@@ -33,7 +33,7 @@ class Deforming:
             self._keep(arrays, time, variants, is_long)
 
     def keep(self, arrays, time, variants, is_long):
-        """Keeps how the mesh is at a time at which it has the same polygons."""
+        """Keeps the mesh at a time at which it has the same polygons."""
         arrays.triangulate_as(*self._triangles)
         self._keep(arrays, time, variants, is_long)
 
@@ -46,7 +46,7 @@ class Deforming:
         self.moves[time] = kept
 
     def paths(self, files, variant, times, own):
-        """Files of the mesh at these times; `own` is the span's, at which it was kept as well."""
+        """Files of the mesh at these times; `own` is the span's own time, for which it is kept as well."""
         if variant not in self._paths:
             kept = {time: self.moves[time][variant] for time in sorted(self.moves)}
             there = {time: corners for time, corners in kept.items() if corners is not None}
@@ -62,7 +62,7 @@ class Deforming:
         return [of_time.get(time, of_time[own]) for time in times]
 
     def sequence(self, files, variant, times, own):
-        """Name of the files of all these frames, with #### in the place of the number."""
+        """The name shared by the files of all these frames, with #### for the number."""
         if variant not in self._paths:
             kept = sorted(self.moves)
             contents = zip(kept, plys([self.moves[time][variant] for time in kept]))

@@ -2,24 +2,24 @@
 
 import math
 
-# Longer than any edge: vertices are those that the mesh has, as in Cycles without adaptive subdivision.
+# Longer than any edge: the mesh keeps its vertices, as in Cycles without adaptive subdivision.
 UNCUT = 1e9
 
 
 def displacement(found, placed, context):
-    """`displacement` of a shape whose material has it."""
+    """A shape's `displacement`, if its material has one."""
     if found.displacement is None:
         return {}
     fields = dict(found.displacement)
     if fields.pop("in_world"):
-        # Lengths of the mesh's own space are so much longer in the world.
+        # Lengths in object space are larger by this in the world.
         fields["scale"] /= max(abs(placed.matrix.to_3x3().determinant()) ** (1.0 / 3.0), 1e-12)
     fields["edge"] = placed.edge or UNCUT
     return {"displacement": fields}
 
 
 def edge_of(object, matrix, context):
-    """How long edges are to be where Cycles subdivides an object adaptively; None where it does not."""
+    """The target edge length if Cycles subdivides the object adaptively; None otherwise."""
     rate = _rate(object, context)
     camera = context.settings.view or context.settings.camera or context.scene.camera
     if rate is None or camera is None or getattr(camera, "type", "") != "CAMERA":
@@ -30,13 +30,13 @@ def edge_of(object, matrix, context):
     low, high = ([f(axis) for axis in zip(*corners)] for f in (min, max))
     eye = camera.matrix_world.translation
     nearest = math.dist(eye, [min(max(x, a), b) for x, a, b in zip(eye, low, high)])
-    # From inside of its box what is nearest is not known.
+    # From inside its box the nearest distance is unknown.
     nearest = max(nearest, 0.05 * math.dist(low, high))
     return rate * nearest * 2.0 * math.tan(0.5 * camera.data.angle) / max(context.settings.width, context.settings.height)
 
 
 def _rate(object, context):
-    """Pixels of an edge."""
+    """The length of an edge in pixels."""
     last = object.modifiers[-1] if len(object.modifiers) else None
     if last is None or last.type != "SUBSURF":
         return None

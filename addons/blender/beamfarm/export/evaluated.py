@@ -1,4 +1,4 @@
-"""Evaluated meshes of objects, those in Edit Mode as well."""
+"""Evaluated meshes of objects, including those in Edit Mode."""
 
 from contextlib import contextmanager
 
@@ -10,8 +10,8 @@ def mesh_of(object):
     if not mesh.is_editmode:
         yield mesh
         return
-    # What is edited, by this object or by another that shares it, shows Python no vertices, or none of its UV maps,
-    # before it is copied, as Cycles does as well.
+    # Until it is copied, Python sees no vertices, or no UV maps, of a mesh that is being edited through this object or
+    # another one that shares it. Cycles copies it, too.
     try:
         yield object.to_mesh()
     finally:

@@ -30,19 +30,19 @@ from .world import name_world_medium, read_world
 
 @dataclass
 class Result:
-    """What an export wrote."""
+    """The files and messages of an export."""
 
     scene: Path
     left_out: list
     notes: list
 
 
-# What no renderer shows.
+# Objects that no renderer shows.
 UNSEEN = {"EMPTY", "CAMERA", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
 
 
 class Exporter:
-    """Writes scenes into one folder, again and again; what did not change is not written twice."""
+    """Writes scenes into one folder repeatedly; what did not change is not written twice."""
 
     def __init__(self, folder):
         self.folder = Path(folder)
@@ -53,19 +53,20 @@ class Exporter:
         self._geometries = {}
 
     def write(self, depsgraph, settings, go_to=None, all_frames=False):
-        """Writes the scene as `settings` ask for it, all anew.
+        """Writes the whole scene as `settings` say.
 
-        `go_to`: function of a time in frames that takes the depsgraph there; with it there is motion blur, where the
-        scene asks for it. In the end it is called with the time at which the scene was found. `all_frames`: one scene
-        of all frames, not of this one alone.
+        `go_to`: a function that sets the depsgraph to a time in frames; with it there is motion blur if the scene asks
+        for it. It is finally called with the time at which the scene was found. `all_frames`: write one scene of all
+        frames, not of this one alone.
         """
         self._slots, self._geometries = {}, {}
         return self._write(depsgraph, settings, go_to, all_frames)
 
     def update(self, depsgraph, settings=None):
-        """Writes the scene again after a change: geometry and materials that the depsgraph calls changed, and places.
+        """Writes the scene again after a change: geometry and materials that the depsgraph reports as changed, and
+        transforms.
 
-        To be called for each update of the depsgraph, or changes are missed.
+        Must be called for each update of the depsgraph, or changes are missed.
         """
         changed = {update.id.original.session_uid for update in depsgraph.updates if update.is_updated_geometry}
         for key in list(self._geometries):
@@ -92,7 +93,7 @@ class Exporter:
             return context, _read(context) if span is None else moving(context, span, go_to, _read)
 
         context, tables = read()
-        # What is baked may show that more is to be.
+        # Baked results may show that more is needed.
         for _ in range(ROUNDS):
             if bakes is None or not bakes.is_wanted:
                 break
@@ -100,7 +101,7 @@ class Exporter:
             self._slots, self._geometries = {}, {}
             context, tables = read()
             for why in bakes.failed.values():
-                context.report.note(f"what no node says was not baked: {why}")
+                context.report.note(f"nodes without an equivalent were not baked: {why}")
         _say_of_scene(context, go_to is not None)
         path = self.folder / "scene.toml"
         partial = path.with_name("scene.toml.part")
@@ -110,14 +111,14 @@ class Exporter:
         return Result(path, context.report.left_out, context.report.notes)
 
 
-# So often what was baked may ask for more.
+# How often baked results may lead to more requests.
 ROUNDS = 3
-# Changes of these leave materials as they are.
+# Changes to these leave materials as they are.
 PLACED = {"OBJECT", "MESH", "CURVE", "CURVES", "META", "CAMERA", "LIGHT", "SCENE", "COLLECTION", "LATTICE", "ARMATURE"}
 
 
 def _read(context):
-    """Tables of the scene file as the depsgraph is now."""
+    """Tables of the scene file for the depsgraph's present state."""
     read_world(context)
     _add_objects(context)
     add_light_groups(context)
@@ -154,7 +155,7 @@ def _add_objects(context):
         parent = instance.parent if instance.is_instance else None
         if not instance.show_self or object.type in UNSEEN:
             continue
-        # The viewport's graph has what renders hide, too.
+        # The viewport's depsgraph also has what renders hide.
         if in_viewport and context.settings.view is None and (parent or object).hide_render:
             continue
         instancer = None if parent is None else parent.original.session_uid
@@ -181,7 +182,7 @@ def _add_objects(context):
         nothing.tell(context.report)
     if context.media or context.world_medium is not None:
         soften_in_media(context)
-        # Light that goes through a lamp stays in the medium that the lamp hangs in.
+        # Light that passes a lamp stays in the medium around the lamp.
         for shape in context.shapes:
             if "emission" in shape and "interior" not in shape:
                 if context.materials[shape["material"]]["type"] == "null":
@@ -189,7 +190,7 @@ def _add_objects(context):
 
 
 def _add_object(placed, shapes, context):
-    """Returns why there is nothing of it, or None where there is something or the report has it already."""
+    """Returns why nothing of it is visible, or None if something is or if the report already says it."""
     object = placed.object
     if object.type == "MESH":
         _say_of_object(object, context)
@@ -212,9 +213,9 @@ def _add_object(placed, shapes, context):
 def _say_of_object(object, context):
     report = context.report
     if object.is_holdout:
-        report.leave_out(f"the holdout '{object.name}': it is shown as it is")
+        report.leave_out(f"the holdout '{object.name}': it is shown as an ordinary object")
     if object.is_shadow_catcher:
-        report.leave_out(f"the shadow catcher '{object.name}': it is shown as it is")
+        report.leave_out(f"the shadow catcher '{object.name}': it is shown as an ordinary object")
     for modifier in object.modifiers:
         if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
             if modifier.domain_settings.domain_type == "GAS" and has_gas(modifier.domain_settings):
@@ -225,7 +226,7 @@ def _say_of_object(object, context):
 
 
 def has_gas(domain):
-    """Whether there is smoke or fire at this frame: without its cache there is none, for Cycles as well."""
+    """Whether the domain has smoke or fire at this frame: without its cache it has none, in Cycles as well."""
     return any(np.any(np.asarray(grid, dtype=np.float32) > 0.0) for grid in (domain.density_grid, domain.flame_grid))
 
 
@@ -233,23 +234,23 @@ def _say_of_scene(context, has_times):
     scene, report = context.scene, context.report
     if scene.render.use_motion_blur:
         if not has_times:
-            report.note("motion blur is for renders alone, as with Cycles: not for the viewport")
+            report.note("motion blur is only in renders, as in Cycles, not in the viewport")
         elif getattr(getattr(scene, "cycles", None), "rolling_shutter_type", "NONE") != "NONE":
-            report.leave_out("the rolling shutter: it opens for all of the picture at once")
+            report.leave_out("the rolling shutter: the whole picture is exposed at once")
         if any(point.location[1] < 0.999 for point in scene.render.motion_blur_shutter_curve.curves[0].points):
-            report.leave_out("the shutter's curve: it is wide open all the time")
+            report.leave_out("the shutter's curve: it is fully open all the time")
     if scene.render.use_freestyle and context.depsgraph.view_layer_eval.use_freestyle:
         report.leave_out("the lines of Freestyle")
     exposure = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
     if exposure != 1.0:
         report.leave_out(f"the exposure of Cycles' film, {exposure:.3g}: set Color Management > Exposure")
     if scene.render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
-        report.leave_out("the transparent glass of the film: alpha counts glass in")
+        report.leave_out("the transparent glass of the film: alpha includes glass")
     layers = [context.depsgraph.view_layer_eval.layer_collection]
     while layers:
         layer = layers.pop()
         if layer.holdout:
-            report.leave_out(f"the holdout of collection '{layer.name}': it is shown as it is")
+            report.leave_out(f"the holdout of collection '{layer.name}': it is shown as an ordinary object")
         if layer.indirect_only:
-            report.leave_out(f"'indirect only' of collection '{layer.name}': it is shown as it is")
+            report.leave_out(f"'indirect only' of collection '{layer.name}': it is shown as an ordinary object")
         layers.extend(layer.children)

@@ -1,4 +1,4 @@
-"""Microfacets seen from all sides: E. Heitz, Sampling the GGX distribution of visible normals, JCGT 7(4), 2018."""
+"""Microfacets seen from all directions: E. Heitz, Sampling the GGX distribution of visible normals, JCGT 7(4), 2018."""
 
 import numpy as np
 
@@ -10,8 +10,8 @@ def _middles(count=STEPS):
 
 
 def facets_towards(alpha):
-    """(directions, visible normals of GGX microfacets seen from there), components along the first axis; directions as
-    light from all sides comes."""
+    """(directions, visible normals of GGX microfacets seen from there), components along the first axis; directions are
+    distributed as for even light."""
     cos = np.sqrt(_middles())[:, None, None]
     u, v = _middles()[None, :, None], _middles()[None, None, :]
     view = [np.sqrt(1.0 - cos**2), np.zeros_like(cos), cos]

@@ -1,7 +1,7 @@
 """Soft falloff of points and spots with a radius: Cycles' discs that always face what they light.
 
-At a distance d of a lamp of radius r there is 1 / (d^2 + r^2) of its intensity, in the place of 1 / d^2. Far from it
-that is what a ball gives, which costs less to render.
+At a distance d from a lamp of radius r they give 1 / (d^2 + r^2) of its intensity, instead of 1 / d^2. Far away this
+equals the light of a ball, which costs less to render.
 """
 
 import math
@@ -9,12 +9,12 @@ import math
 from mathutils import Vector
 
 RAYS = 256
-# A lamp is a ball where nothing gets less of its light than this.
+# A lamp is exported as a ball if everything around it keeps at least this share of its light.
 ALMOST_ALL = 0.99
 
 
 def add_falloff(placed, light, table, context, half_angle=math.pi):
-    """Adds to the table of a light with a radius how its intensity falls with the distance."""
+    """Adds the falloff to the table of a light with a radius."""
     radius = light.shadow_soft_size
     if radius <= 0.0:
         return
@@ -24,7 +24,7 @@ def add_falloff(placed, light, table, context, half_angle=math.pi):
     if not light.use_soft_falloff:
         if nearest <= radius:
             context.report.leave_out(
-                f"the light of '{light.name}' on what is nearer to it than its radius of {radius:.3g}")
+                f"the light of '{light.name}' on what is within its radius of {radius:.3g}")
     elif 1.0 / (1.0 + (radius / nearest) ** 2) < ALMOST_ALL:
         table["soft_falloff"] = True
     else:
@@ -32,13 +32,13 @@ def add_falloff(placed, light, table, context, half_angle=math.pi):
 
 
 def soften_in_media(context):
-    """Of a lamp in a medium all that is around it is lit."""
+    """A lamp in a medium lights everything around it, so its falloff shows."""
     for table in context.soft:
         table["soft_falloff"] = True
 
 
 def _nearest(placed, context, half_angle):
-    """Distance of the first thing in directions that are spread evenly within an angle of a light's axis."""
+    """Distance of the nearest object over even directions within an angle of a light's axis."""
     scene, depsgraph = context.depsgraph.scene, context.depsgraph
     origin, turn = placed.matrix.translation, placed.matrix.to_3x3().normalized()
     lowest, nearest = math.cos(half_angle), math.inf

@@ -1,4 +1,4 @@
-"""Files of the scene's folder."""
+"""Files in the scene's folder."""
 
 import hashlib
 import os
@@ -6,7 +6,7 @@ import shutil
 
 
 class Files:
-    """Writes files into the scene's folder under names that follow from what they hold; what is there already stays."""
+    """Writes files into the scene's folder under names derived from their contents; existing files stay."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -28,15 +28,15 @@ class Files:
         self.use(path)
         target = self.folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
-        # Whole or not at all: who reads while we write sees no half of a file.
+        # Whole or not at all: a reader never sees half of a file.
         partial = target.with_name(target.name + ".part")
         partial.write_bytes(content)
         partial.replace(target)
 
     def put_frames(self, place, stem, ending, contents, times, own):
-        """Writes a file for each of these frames under one name, #### for the number, and returns that.
+        """Writes a file for each of these frames under one name, with #### for the number, and returns that name.
 
-        `contents`: (time, bytes) of some; the others are as at the time `own`.
+        `contents`: (time, bytes) for some frames; the others are as at the time `own`.
         """
         pattern, first, whole = None, None, {float(time) for time in times}
         for time, content in contents:
@@ -52,23 +52,23 @@ class Files:
         return pattern
 
     def drop(self, path):
-        """Removes a file that this object wrote and that no scene takes after all."""
+        """Removes a file that this object wrote and that no scene uses after all."""
         self.used.discard(path)
         if path not in self.kept:
             (self.folder / path).unlink(missing_ok=True)
 
     def use(self, path):
-        """Marks a file that was written before as one of this scene."""
+        """Marks a file written earlier as used by this scene."""
         self.used.add(path)
 
     def sweep(self):
-        """Removes what this object wrote for scenes before the last."""
+        """Removes what this object wrote for scenes before the last one."""
         for path in self.kept - self.used:
             (self.folder / path).unlink(missing_ok=True)
         self.kept, self.used = self.used, set()
 
     def copy(self, place, stem, ending, path):
-        """Relative path of a copy of a large file, known again by its name, size and time of change."""
+        """Relative path of a copy of a large file, identified by its name, size and modification time."""
         there = os.stat(path)
         state = f"{os.path.abspath(path)} {there.st_size} {there.st_mtime_ns}"
         digest = hashlib.blake2b(state.encode("utf-8"), digest_size=6).hexdigest()

@@ -1,6 +1,6 @@
-"""The arithmetic of Blender's nodes, on arrays whose last axis has one number or three.
+"""The arithmetic of Blender's nodes on arrays whose last axis has length one or three.
 
-Each takes its node first. Sources: Blender's manual, "Shader Nodes", chapters Converter and Color.
+Each function takes its node first. Sources: Blender's manual, "Shader Nodes", chapters Converter and Color.
 """
 
 import math as plain
@@ -114,7 +114,7 @@ def vector_math(node, *inputs):
 
 
 def _blend(kind, factor, a, b):
-    """Blender's blend modes of colours, `factor` of the second."""
+    """Blender's blend modes for colours; `factor` is the weight of the second."""
     rest = 1.0 - factor
     plain_modes = {
         "MIX": lambda: a * rest + b * factor,
@@ -201,7 +201,7 @@ def map_range(node, value, from_min, from_max, to_min, to_max, steps=None):
 
 
 def look_up(table, factor):
-    """Rows of an even `table` over 0 to 1, with linear interpolation."""
+    """Looks up an even `table` over 0 to 1 by rows, with linear interpolation."""
     last = len(table) - 1
     x = np.clip(factor[..., 0], 0.0, 1.0) * last
     low = np.minimum(x.astype(np.int64), last - 1)
@@ -216,7 +216,7 @@ def curves(tables, factor, color):
 
 
 def from_rgb(color, mode):
-    """HSV or HSL of colours."""
+    """Converts colours to HSV or HSL."""
     high, low = color.max(-1), color.min(-1)
     span = high - low
     safe = np.where(span > 0.0, span, 1.0)
@@ -232,7 +232,7 @@ def from_rgb(color, mode):
 
 
 def to_rgb(color, mode):
-    """Colours of HSV or HSL."""
+    """Converts HSV or HSL to colours."""
     h, s, v = color[..., :1], color[..., 1:2], color[..., 2:]
     hue = np.clip(np.abs(np.mod(h * 6.0 + np.array([0.0, 4.0, 2.0], dtype=np.float32), 6.0) - 3.0) - 1.0, 0.0, 1.0)
     if mode == "HSV":
@@ -246,9 +246,9 @@ def _lobe(wavelength, height, centre, below, above):
 
 
 def _observer():
-    """(wavelengths in nm, the CIE's X, Y and Z of 1931 there).
+    """(wavelengths in nm, the CIE 1931 X, Y and Z there).
 
-    By the fit of Wyman, Sloan and Shirley, JCGT 2(2), 2013.
+    Uses the fit of Wyman, Sloan and Shirley, JCGT 2(2), 2013.
     """
     at = np.arange(360.0, 831.0, 2.0)
     x = _lobe(at, 1.056, 599.8, 37.9, 31.0) + _lobe(at, 0.362, 442.0, 16.0, 26.7)
@@ -257,18 +257,18 @@ def _observer():
     return at, np.stack([x + _lobe(at, -0.065, 501.1, 20.4, 26.2), y, z], axis=-1)
 
 
-# Rec. 709 of XYZ.
+# From XYZ to Rec. 709.
 RGB_OF_XYZ = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
 SECOND_RADIATION_CONSTANT = 1.4387769e7
 """Planck's h c / k, nm K."""
 
 
 def blackbody(temperature):
-    """Colour of a black body of so many kelvin, of luminance 1. Blender knows 800 to 12000 K, and takes others for
-    these."""
+    """Colour of a black body of this many kelvin, with luminance 1. Blender supports 800 to 12000 K and clamps to
+    that."""
     kelvin = np.clip(temperature, 800.0, 12000.0).astype(np.float64)
     wavelength, observer = _observer()
-    # Scaled, so that nothing overflows.
+    # Scaled to avoid overflow.
     power = (560.0 / wavelength) ** 5 / np.expm1(SECOND_RADIATION_CONSTANT / (wavelength * kelvin))
     color = (power @ observer) @ RGB_OF_XYZ.T
     return np.maximum(color / (power @ observer[:, 1:2]), 0.0)

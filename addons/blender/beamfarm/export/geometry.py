@@ -1,4 +1,4 @@
-"""Geometry of objects, written once and kept as long as it does not change."""
+"""Geometry of objects, written once and kept until it changes."""
 
 from .deforming import Deforming
 from .heights import growth
@@ -8,12 +8,12 @@ from .topology import is_closed, open_slots
 
 
 class Geometry:
-    """Files of one evaluated mesh, by slot and by what else goes into them."""
+    """Files of one evaluated mesh, by slot and by whatever else goes into them."""
 
     def __init__(self, name):
         self.name = name
         self.mesh = None
-        """The evaluated mesh, while an export has it in its hands."""
+        """The evaluated mesh, while the export holds it."""
         self._arrays = None
         self._files = {}
         self._slots = None
@@ -23,9 +23,9 @@ class Geometry:
         self._points = None
         self._triangles = None
         self.box = None
-        """Blender's texture space: lowest and highest of its coordinates."""
+        """Blender's texture space: its lowest and highest coordinates."""
         self.deforming = None
-        """`Deforming`, once it is to be seen whether the mesh moves."""
+        """`Deforming`, once the mesh is watched for motion."""
 
     def hold(self, mesh):
         self.mesh = mesh
@@ -47,7 +47,7 @@ class Geometry:
             import numpy as np
 
             arrays = self._read()
-            # A mesh without area, as of edges that were extruded and not moved, is none.
+            # A mesh without area, for example of edges that were extruded but not moved, counts as none.
             corners = arrays.positions[arrays.vertex_of[arrays.corners]]
             cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
             self._slots = [int(slot) for slot in np.unique(arrays.slots[np.any(cross != 0.0, axis=1)])]
@@ -59,19 +59,19 @@ class Geometry:
         return self._closed
 
     def is_open(self, slot):
-        """Whether what has triangles of this slot has an edge at which it ends."""
+        """Whether the parts with triangles of this slot have a boundary edge."""
         if self._open_slots is None:
             self._open_slots = open_slots(self._read())
         return slot in self._open_slots
 
     def growth(self, slot, placed, is_first):
-        """By how much heights above triangles of this slot grow at a place; at other times as at the first."""
+        """The factor by which heights above this slot's triangles grow at a place; at other times as at the first."""
         if is_first or slot not in self._growths:
             self._growths[slot] = growth(self._read(), slot, placed.matrix)
         return self._growths[slot]
 
     def triangles(self):
-        """(points, triangles' corners) for tests of what lies inside."""
+        """(points, triangles' corners), for tests of what lies inside."""
         if self._points is None:
             arrays = self._read()
             self._points = arrays.positions
@@ -79,7 +79,7 @@ class Geometry:
         return self._points, self._triangles
 
     def file(self, files, slot, uv_map, attribute):
-        """Path of the PLY of a slot's triangles, of all for None."""
+        """Path of the PLY of a slot's triangles, or of all for None."""
         key = slot, uv_map, attribute
         if key not in self._files:
             content = ply(self._read(), slot, uv_map, attribute)
@@ -88,7 +88,7 @@ class Geometry:
         return self._files[key]
 
     def vertex_of(self):
-        """The vertex of each of its corners, while its mesh is at hand."""
+        """The vertex of each of its corners, while its mesh is available."""
         return self._read().vertex_of
 
     def variants(self):
@@ -96,5 +96,5 @@ class Geometry:
         return list(self._files)
 
     def may_move(self):
-        """Keeps how the mesh is now, to see whether it moves."""
+        """Keeps the present state of the mesh, to see whether it moves."""
         self.deforming = Deforming(self._read(), self.name)

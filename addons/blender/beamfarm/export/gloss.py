@@ -1,4 +1,4 @@
-"""What the roughness and the index of shader nodes become, whichever node has them."""
+"""The translation of shader nodes' roughness and index, for all nodes that have them."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ def is_smooth(rough):
 
 
 def microfacets(reader, place, rough):
-    """`alpha` and `distribution` of a node's roughness."""
+    """`alpha` and `distribution` for a node's roughness."""
     kind = getattr(place.node, "distribution", "GGX")
     if kind in ("ASHIKHMIN_SHIRLEY",):
         reader.context.report.note(f"{reader.owner}: the distribution of '{place.node.name}' is taken as GGX")
@@ -20,12 +20,12 @@ def microfacets(reader, place, rough):
 
 
 def keeps_energy(node):
-    """Whether what bounces more than once between microfacets is there, or lost."""
+    """Whether light that bounces more than once between microfacets is kept or lost."""
     return getattr(node, "distribution", "MULTI_GGX") == "MULTI_GGX"
 
 
 def dielectric(reader, place, rough, ior, reflected, transmitted):
-    """Fields of glass; without a difference of index there is nothing but what it transmits."""
+    """Fields of glass; with equal indices only transmission remains."""
     index = constant_of(reader, place, ior, "IOR", 1.45)
     fields = {"ior": min(max(index, 1e-5), 1e5)}
     if not is_white(reflected):
@@ -40,12 +40,12 @@ def dielectric(reader, place, rough, ior, reflected, transmitted):
 
 
 def constant_of(reader, place, value, what, otherwise):
-    """The number of a field that takes no texture."""
+    """The number for a field that takes no texture."""
     if value.is_constant:
         return value.number()
     if value.special is None:
         mean = float(value.data.mean())
-        reader.context.report.note(f"{reader.owner}: {what} of '{place.node.name}' by texture counts by its mean")
+        reader.context.report.note(f"{reader.owner}: {what} of '{place.node.name}' from a texture: its mean is used")
         return mean
     reader.lack(place.node, f"{what} by texture")
     return otherwise

@@ -1,11 +1,11 @@
-"""Ways through node trees: through reroutes, groups and muted nodes, to the node that a socket's value comes from."""
+"""Paths through node trees: through reroutes, groups and muted nodes, to the node that a socket's value comes from."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Place:
-    """A socket, and the group nodes that its tree is in, the outermost first."""
+    """A socket, and the group nodes that contain its tree, the outermost first."""
 
     socket: object
     groups: tuple = ()
@@ -15,7 +15,7 @@ class Place:
         return self.socket.node
 
     def input(self, name):
-        """Input of this socket's node, by name; None where it has no such input, or a hidden one."""
+        """Input of this socket's node, by name; None if it has no such input or hides it."""
         found = find(self.node.inputs, name)
         return None if found is None else Place(found, self.groups)
 
@@ -29,9 +29,9 @@ def find(sockets, name):
 
 
 def follow(place):
-    """Where the value of an input comes from: an output of a node that makes it, or an input without a link.
+    """The source of an input's value: a node's output, or an unlinked input.
 
-    None where a loop or a group without inside is in the way.
+    None if a loop or an empty group is in the way.
     """
     for _ in range(1000):
         socket, groups = place.socket, place.groups
@@ -79,7 +79,7 @@ def group_output(tree):
 
 
 def output_node(tree, kind):
-    """The output that Cycles takes: an active one for it, or for every renderer."""
+    """The output node that Cycles uses: an active one for Cycles, or for every renderer."""
     outputs = [node for node in tree.nodes if node.bl_idname == kind and node.target in ("ALL", "CYCLES")]
     outputs.sort(key=lambda node: (not node.is_active_output, node.target != "CYCLES"))
     return outputs[0] if outputs else None

@@ -2,7 +2,7 @@
 
 
 def add_light_groups(context):
-    """Puts what emits into the light group of its object; to be called when all lights and shapes are there."""
+    """Puts emitters into the light groups of their objects; call it when all lights and shapes are there."""
     groups = {group.name for group in context.depsgraph.view_layer_eval.lightgroups}
     of_name = {}
     for object in context.depsgraph.objects:

@@ -4,7 +4,7 @@ import math
 
 from .gloss import constant_of
 
-# Absorption of the pigments in Cycles, one over radii.
+# Absorption of the pigments in Cycles, relative to the radius.
 EUMELANIN = (0.506, 0.841, 1.653)
 PHEOMELANIN = (0.343, 0.733, 1.924)
 
@@ -18,13 +18,13 @@ def hair(reader, place):
     for name in ("Random Color", "Random Roughness"):
         value = reader.get(place, name)
         if value is not None and not (value.is_constant and value.number() == 0.0):
-            note(f"{reader.owner}: '{name}' of '{node.name}' does not count: all strands are alike")
+            note(f"{reader.owner}: '{name}' of '{node.name}' is ignored: all strands are alike")
     rough, radial = (_number(reader, place, name, 0.3) for name in ("Roughness", "Radial Roughness"))
     fields = {
         "type": "hair",
         "beta_m": min(max(rough, 0.0), 1.0),
         "beta_n": min(max(radial, 0.0), 1.0),
-        # The other way along the fibre.
+        # The opposite sense along the fibre.
         "tilt": -float(f"{math.degrees(_number(reader, place, 'Offset', math.radians(2.0))):.6g}"),
         "ior": min(max(_number(reader, place, "IOR", 1.55), 1.001), 1e3),
     }
@@ -46,7 +46,7 @@ def hair(reader, place):
 
 
 def _absorption(color, radial):
-    """Of hair that is of a colour where much of it lies together (Chiang et al. 2016, section 4.2)."""
+    """Absorption of hair that has this colour in bulk (Chiang et al. 2016, section 4.2)."""
     factor = 5.969 - 0.215 * radial + 2.532 * radial**2 - 10.73 * radial**3 + 5.574 * radial**4 + 0.245 * radial**5
     return (math.log(min(max(color, 1e-5), 1.0)) / factor) ** 2
 

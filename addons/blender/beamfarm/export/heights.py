@@ -1,4 +1,4 @@
-"""Bumps whose heights are lengths of an object's own space, as displacement's are: they grow with its scale."""
+"""Bumps whose heights are lengths in object space, like displacement: they grow with the object's scale."""
 
 from dataclasses import replace
 
@@ -6,7 +6,8 @@ import numpy as np
 
 
 def growth(arrays, slot, matrix):
-    """By how much lengths along the normals of a slot's triangles grow, to three digits: the mean over their area."""
+    """The factor by which lengths along the normals of a slot's triangles grow, to three digits: the mean over their
+    area."""
     turn = np.array(matrix.to_3x3(), dtype=np.float64)
     corners = arrays.positions[arrays.vertex_of[arrays.corners[arrays.slots == slot]]].astype(np.float64)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -14,13 +15,13 @@ def growth(arrays, slot, matrix):
     if not areas.sum() > 0.0:
         return 1.0
     normals = normals[areas > 0.0] / areas[areas > 0.0, None]
-    # A normal n becomes N = M^-T n over its length, and its image M n reaches 1 / |M^-T n| along N.
+    # A normal n becomes N = M^-T n, normalised, and its image M n reaches 1 / |M^-T n| along N.
     along = 1.0 / np.linalg.norm(normals @ np.linalg.inv(turn), axis=1)
     return float(f"{np.average(along, weights=areas[areas > 0.0]):.3g}")
 
 
 def grown(context, found, factor):
-    """A `materials.Slot` whose bumps are so much higher."""
+    """A `materials.Slot` with bumps higher by this factor."""
     if factor == 1.0:
         return found
     names = {

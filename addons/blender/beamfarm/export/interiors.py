@@ -1,6 +1,6 @@
-"""Media inside and outside of shapes.
+"""Media inside and outside shapes.
 
-Cycles adds up all volumes that a point lies in; the scene file names what is on either side of each boundary.
+Cycles adds up all volumes that contain a point; the scene file names the medium on either side of each boundary.
 """
 
 from dataclasses import replace
@@ -11,11 +11,11 @@ from .media import sum_of
 from .records import Graphs
 from .spaces import Volume
 
-# Cells along the longest side of the grid on which a density that is a texture is sampled.
+# Cells along the longest side of the grid on which a textured density is sampled.
 RESOLUTION = 128
 
 class Interiors:
-    """Knows which closed meshes with a volume the others lie in."""
+    """Finds the closed meshes with a volume that contain each shape."""
 
     def __init__(self, context, groups):
         self.context = context
@@ -36,7 +36,7 @@ class Interiors:
             return {}
         medium = found.medium
         if medium is None:
-            # Glass without a volume of its own is filled by what surrounds it.
+            # Glass without its own volume is filled with its surroundings.
             return {"boundary": False}
         report, name = self.context.report, placed.name
         if medium.grid is not None and not medium.grid_is_optional:
@@ -60,7 +60,7 @@ class Interiors:
                 )
             if inside == 1.0:
                 around.append((other, other_group, other_found))
-        # A density that is a texture adds up with nothing.
+        # A textured density cannot be added to another.
         shaded = next((entry for entry in around if entry[2].medium.is_shaded()), None)
         if shaded is not None:
             exterior = self._shaded(*shaded)
@@ -70,7 +70,7 @@ class Interiors:
             exterior = medium_name(self.context, outside, f"around {placed.name}")
         if medium.is_shaded() or shaded is not None:
             if outside is not None or around:
-                report.note(f"the volume of '{name}': what is around it is not in it")
+                report.note(f"the volume of '{name}': the volumes around it are not added in it")
             inside = medium
         else:
             inside = sum_of(outside, medium)
@@ -81,12 +81,12 @@ class Interiors:
         if around:
             fields["exterior"] = exterior
         if not group.geometry.is_closed():
-            report.note(f"the volume of '{name}', whose mesh is not closed: light is in it once it crossed the mesh")
+            report.note(f"the volume of '{name}', whose mesh is not closed: light is inside once it has crossed it")
             fields["open"] = True
         return fields
 
     def _shaded(self, placed, group, found):
-        """Name of a medium whose density or colour is a texture, sampled on a grid in the object's box."""
+        """Name of a medium with a textured density or colour, sampled on a grid in the object's box."""
         context, medium = self.context, found.medium
         name = context.media_names.get(("shaded", placed.key), placed.name)
         if name in context.media:
@@ -109,7 +109,7 @@ class Interiors:
         return name
 
     def _share_inside(self, placed, group, other, other_group):
-        """Share of some of a mesh's vertices that lie in another mesh; 0 and 1 are exact for those."""
+        """Share of sampled vertices of a mesh that lie inside another mesh; 0 and 1 are exact for the samples."""
         from mathutils import Vector
 
         to_other = other.matrix.inverted_safe() @ placed.matrix
@@ -133,7 +133,7 @@ class Interiors:
 
 
 def medium_name(context, medium, wanted):
-    """Name of a homogeneous medium, which is added to the scene file's."""
+    """Name of a homogeneous medium, which is added to the scene file's media."""
     name = context.media_names.get(medium, wanted)
     context.media.setdefault(name, {"type": "homogeneous"} | medium.table())
     return name
@@ -142,7 +142,7 @@ def medium_name(context, medium, wanted):
 def _is_inside(tree, point):
     from mathutils import Vector
 
-    # A direction that runs along no axis and no likely edge.
+    # A direction parallel to no axis and no likely edge.
     direction = Vector((0.5377, 0.6135, 0.5783))
     crossings = 0
     for _ in range(256):

@@ -1,17 +1,18 @@
-"""Values at several times as one value with keys."""
+"""Combines values at several times into one value with keys."""
 
 import math
 
 from mathutils import Matrix, Quaternion, Vector
 
-# What a field is where a table does not have it.
+# Values of fields that a table lacks.
 DEFAULTS = {"opacity": 1.0, "scale": 1.0, "principal_point": [0.0, 0.0], "transform": []}
-# Directions go along chords between keys: no two of these are further apart, so that a turn is one at an even speed.
+# Directions are interpolated along chords between keys. No two are further apart than this, so a rotation has nearly
+# constant speed.
 FINE = math.radians(5.0)
 
 
 def keys(times, values, interpolation=None):
-    """A value that moves, or one that does not where it is the same at all times."""
+    """A value with keys, or without if it is the same at all times."""
     if all(value == values[0] for value in values):
         return values[0]
     table = {"keys": [[float(time), value] for time, value in zip(times, values)]}
@@ -19,8 +20,8 @@ def keys(times, values, interpolation=None):
 
 
 def over_time(times, values, otherwise, field=""):
-    """What stands for `values` at `times`. Where there is nothing between two of them, it is what `otherwise` makes of
-    the values and the name of the field."""
+    """The combination of `values` at `times`. Where two of them cannot be interpolated, `otherwise` is called with the
+    values and the name of the field."""
     if all(value == values[0] for value in values):
         return values[0]
     if field == "transform":
@@ -43,7 +44,7 @@ def over_time(times, values, otherwise, field=""):
 
 
 def _are_numbers(values):
-    """Whether all are numbers, or all as many; a colour may be one number."""
+    """Whether all are numbers, or all lists of the same length; a colour may be a single number."""
     widths = set()
     for value in values:
         items = value if isinstance(value, list) else [value]
@@ -58,14 +59,14 @@ IDENTITY = [{"matrix": [[float(row == column) for column in range(4)] for row in
 
 
 def _transform(times, values, otherwise):
-    """Of lists of steps, all of which are one matrix."""
+    """Combines lists of steps, each of which is a single matrix."""
     values = [value or IDENTITY for value in values]
     signs = {Matrix(value[0]["matrix"]).to_3x3().determinant() > 0.0 for value in values}
     return otherwise(values, "transform") if len(signs) > 1 else keys(times, values)
 
 
 def stepped(times, values, opens):
-    """A value that holds from when the shutter opens at one time to when it does at the next."""
+    """A value that holds from the shutter's opening at one time to its opening at the next."""
     changes = []
     for time, value in zip(times, values):
         if not changes or value != changes[-1][1]:
@@ -74,8 +75,8 @@ def stepped(times, values, opens):
 
 
 def turning(times, tables):
-    """(times, tables) with more times between, where what looks from `origin` or `position` to `target`, or shines
-    along `direction`, turns by much from one to the next: as it turns at an even speed. All else goes straight."""
+    """(times, tables) with additional times wherever a view from `origin` or `position` to `target`, or `direction`,
+    turns by much between two times, as for a turn at constant speed. Everything else is interpolated linearly."""
     finer, filled = times[:1], tables[:1]
     for k in range(1, len(times)):
         before, after = tables[k - 1], tables[k]
@@ -99,7 +100,7 @@ def _between(before, after, share):
 
 
 def _turn(before, after):
-    """(angle, function from a share of the way to the fields that turn), or None where nothing does."""
+    """(angle, function from a share of the way to the fields that turn), or None if nothing turns."""
     if before.keys() != after.keys() or not _are_alike(before, after):
         return None
     if "direction" in before:
@@ -125,7 +126,7 @@ def _turn(before, after):
 
 
 def _are_alike(before, after):
-    """Whether what is between two tables can be told number by number."""
+    """Whether two tables can be interpolated number by number."""
     def alike(a, b):
         if isinstance(a, list) and isinstance(b, list):
             return len(a) == len(b) and all(map(alike, a, b))
@@ -144,10 +145,10 @@ def _stand(look, up):
 
 
 def on_its_way(times, paths):
-    """`file` and `toward` of a mesh that has one file at each time, from one to the next.
+    """`file` and `toward` for a mesh that has one file at each time.
 
-    From an odd time to the next one it goes backwards, from `toward` to `file`: then each of the two changes only while
-    it has no weight.
+    From odd times to the next it runs backwards, from `toward` to `file`: each of the two then changes only while its
+    weight is zero.
     """
     last = len(times) - 1
     files = [[times[0], paths[0]]] + [[times[k], paths[k + 1]] for k in range(1, last, 2)]

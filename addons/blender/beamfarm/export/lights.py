@@ -1,8 +1,8 @@
 """Light objects as `[[lights]]`, or as shapes that emit.
 
-Blender's watts are those of a source that shines to all sides: a point or spot of P watts has an intensity of
-P / (4 pi) W/sr, whatever the spot's cone cuts off; an area light of P watts has P / (pi A) W/(m^2 sr); a sun's strength
-is in W/m^2.
+Blender's watts are those of a source that shines to all sides: a point or spot of P watts has an intensity of P / (4
+pi) W/sr, whatever the spot's cone cuts off; an area light of P watts has a radiance of P / (pi A) W/(m^2 sr); a sun's
+strength is in W/m^2.
 """
 
 import math
@@ -19,19 +19,19 @@ from .transforms import matrix_step
 from .values import NotShown
 from .visibility import light_rays
 
-# From this spread on an area light shines to all of its side.
+# From this spread on an area light shines into the whole hemisphere.
 WHOLE = math.pi * 0.9999
 
-# Degrees that a sun of the scene file may be wide; Blender's may be a hemisphere.
+# Largest angle of a sun in the scene file, degrees; Blender's may be a hemisphere.
 WIDEST = 179.9
 
 
 def add_light(placed, context):
-    """Adds what a light object at its place is in the scene file."""
+    """Adds a light object at its place to the scene file."""
     object = placed.object
     light = object.data
     if light.type == "AREA" and getattr(getattr(light, "cycles", None), "is_portal", False):
-        # It tells Cycles where the world's light comes in, and gives none itself.
+        # It shows Cycles where the world's light enters, and emits nothing itself.
         return
     color, ies = _color(light, context)
     if not any(color) and not (context.motion is not None and is_animated(light)):
@@ -46,7 +46,7 @@ def add_light(placed, context):
         context.without_shadows.append(name)
     for factor, what in (("diffuse_factor", "diffuse"), ("specular_factor", "specular"), ("volume_factor", "volume")):
         if getattr(light, factor, 1.0) != 1.0:
-            context.report.note(f"light '{light.name}': its {what} factor does not count, as in Cycles")
+            context.report.note(f"light '{light.name}': its {what} factor is ignored, as in Cycles")
     if ies is not None:
         if light.type not in ("POINT", "SPOT"):
             context.report.leave_out(f"the IES file of light '{light.name}': {light.type.lower()} lights have none")
@@ -57,7 +57,7 @@ def add_light(placed, context):
 
 
 def _color(light, context):
-    """(strength of a light times its colour and what its nodes make of it, content of an IES file or None)."""
+    """(strength of a light times its colour and the result of its nodes, content of an IES file or None)."""
     ies = None
     color = [float(number) * light.energy for number in light.color]
     exposure = getattr(light, "exposure", 0.0)
@@ -69,7 +69,7 @@ def _color(light, context):
         factors, ies = _from_nodes(light, context)
         color = [a * b for a, b in zip(color, factors)]
     if min(color) < 0.0:
-        context.report.leave_out(f"what light '{light.name}' takes away: its strength is below 0")
+        context.report.leave_out(f"light '{light.name}', whose strength is below 0")
     return [max(number, 0.0) for number in color], ies
 
 
@@ -83,7 +83,7 @@ class LightReader(Reader):
         if place.socket.name != "Quadratic":
             raise NotShown(f"a falloff that is {place.socket.name.lower()}")
         if not smooth.is_constant or smooth.number() != 0.0:
-            self.context.report.note(f"{self.owner}: its smooth falloff does not count: brighter close to it")
+            self.context.report.note(f"{self.owner}: its smooth falloff is ignored: it is brighter close by")
         return self.get(place, "Strength")
 
 
@@ -104,7 +104,7 @@ def _from_nodes(light, context):
         color, strength = reader.get(found, "Color"), reader.get(table, "Strength")
         ies = _ies(table.node, owner, context)
         if table.node.inputs["Vector"].is_linked:
-            context.report.leave_out(f"the vector of the IES texture of {owner}: it lies as the light does")
+            context.report.leave_out(f"the vector of the IES texture of {owner}: it follows the light's orientation")
     else:
         color, strength, ies = reader.get(found, "Color"), reader.get(found, "Strength"), None
     for value, name in ((color, "color"), (strength, "strength")):
@@ -116,7 +116,7 @@ def _from_nodes(light, context):
 
 
 def _ies(node, owner, context):
-    """Content of the file of an IES texture; None, and told, where it has none."""
+    """Content of the file of an IES texture; None, with a line in the report, if it has none."""
     if node.mode == "INTERNAL":
         if node.ies is not None:
             return node.ies.as_string().encode("utf-8", "replace")
@@ -131,13 +131,13 @@ def _ies(node, owner, context):
         return None
 
 
-# Lumens of a watt, as Cycles takes candela and as the scene file does.
+# Lumens per watt: Cycles' value for candela, and the scene file's.
 CYCLES_LUMENS, LUMENS = 177.83, 683.0
 
 
 def _by_file(placed, light, color, fields, ies, context):
-    """Adds a point or a spot whose intensity is that of an IES file. At a candela, Cycles' value of the texture is
-    4 pi / 177.83, by which the light's P / (4 pi) W/sr are multiplied."""
+    """Adds a point or a spot with the intensity of an IES file. For one candela Cycles' texture gives 4 pi / 177.83,
+    which multiplies the light's P / (4 pi) W/sr."""
     if light.shadow_soft_size > 0.0:
         context.report.note(f"light '{light.name}': with an IES texture it shines from a point")
     position, turn = placed.matrix.translation, placed.matrix.to_3x3()
@@ -170,18 +170,18 @@ def _list(vector):
     return [float(number) for number in vector]
 
 
-# Lamps in Cycles let all light through: so do those of the scene file that have a surface.
+# Lamps in Cycles let all light pass, and so do the scene file's lamps with a surface.
 LAMP = "lamp"
 
 
 def _lamp(placed, fields, shape, color, context, spread=math.pi):
-    """Adds a shape that emits and is nothing else; `color` is its power, `spread` the full angle of its cone. Returns
-    the table of its emission."""
+    """Adds a shape that only emits; `color` is its power, `spread` the full angle of its cone. Returns the table of its
+    emission."""
     material = context.material_names.get(("lamp",), LAMP)
     context.materials[material] = {"type": "null"}
     emission = {"power": color}
     if spread < WHOLE:
-        # Cycles' are not narrower either.
+        # Cycles has the same minimum.
         emission["spread"] = max(math.degrees(spread), 1.0)
     shape = {"name": fields["name"]} | shape | {"material": material, "emission": emission}
     if "visible" in fields:
@@ -228,8 +228,8 @@ def _spot(placed, light, color, fields, context):
 
 
 def spot_angles(half, blend):
-    """(full up to, none from) for a spot of Blender's: its intensity is smoothstep(x) of the axis' with
-    x = (cos theta - cos half) / ((1 - cos half) blend)."""
+    """(full up to, none from) for Blender's spot: its intensity is the axis' times smoothstep(x) with x = (cos theta -
+    cos half) / ((1 - cos half) blend)."""
     half = min(half, 0.5 * math.pi * 0.9999)
     width = (1.0 - math.cos(half)) * blend
     return min(math.acos(min(math.cos(half) + width, 1.0)), half * (1.0 - 1e-4)), half
@@ -239,7 +239,7 @@ def _sun(placed, light, color, fields, context):
     if not _is_normalized(light) and light.angle > 0.0:
         color = [number * math.pi * math.sin(light.angle / 2.0) ** 2 for number in color]
     if context.world_medium is not None:
-        context.report.leave_out(f"light '{light.name}': no light of a sun gets through a world full of a medium")
+        context.report.leave_out(f"light '{light.name}': no sunlight gets through a world filled with a medium")
         return
     context.add_light(placed, fields | {
         "type": "directional",

@@ -1,17 +1,17 @@
 """Light linking as `[[rules]]`.
 
-A light with a receiver collection lights the objects of that collection alone, or all but those that it excludes; one
-with a blocker collection is kept off by the objects of that one alone, likewise.
+A light with a receiver collection lights only the objects of that collection, or all except those that it excludes; a
+blocker collection likewise selects the objects that block the light.
 """
 
 
 def add_rules(context):
-    """Adds the rules of all objects that the depsgraph shows, in the order of their names."""
+    """Adds the rules of all objects that the depsgraph shows, ordered by name."""
     there = {table["name"] for table in (*context.shapes, *context.lights)}
     bare = [name for name in context.without_shadows if name in there]
     if bare:
-        context.report.note("lights without shadows have none on what they light straight; there are shadows in media "
-                            "and in what other objects send on of their light")
+        context.report.note("lights without shadows cast none in direct light; they do in media and in light that "
+                            "other objects reflect or transmit")
         context.rules.append({"on": bare, "rays": ["shadow"], "exclude": ["all"]})
     seen = set()
     for object in sorted((object for object in context.depsgraph.objects), key=lambda object: object.name):
@@ -32,9 +32,9 @@ def _receivers(context, lights, collection):
     rays = ["shadow", "photon"]
     included, excluded = members(context, collection)
     context.report.note(f"light linking of {' and '.join(repr(name) for name in lights)}: what it does not light gets "
-                        "none of its light by way of other objects either")
+                        "none of its light from other objects either")
     if included is not None:
-        # The world's medium and what is not named gets no light of it.
+        # The world's medium and everything not named get no light from it.
         context.rules.append({"on": ["all"], "except": included, "rays": rays, "exclude": lights} if included
                              else {"on": ["all"], "rays": rays, "exclude": lights})
     elif excluded:
@@ -57,7 +57,7 @@ def _objects(context):
 
 
 def members(context, collection):
-    """(names included, or None where a collection names none; names excluded) of objects that are shapes."""
+    """(names included, or None if a collection includes none; names excluded) for objects that are shapes."""
     states = {"INCLUDE": [], "EXCLUDE": []}
     any_included = False
     for item, settings in zip(collection.objects, collection.collection_objects):

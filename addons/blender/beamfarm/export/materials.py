@@ -1,4 +1,4 @@
-"""Materials of Blender: what surface, emission and medium a slot of a mesh has."""
+"""Materials of Blender: the surface, emission and medium of a mesh's slots."""
 
 from dataclasses import dataclass, field, replace
 
@@ -33,39 +33,39 @@ class Slot:
     """`media.Medium` inside, or None."""
     uv_map: str = ""
     attribute: str | None = None
-    """Name of what the mesh holds as colours of its vertices."""
+    """Name of the attribute that becomes vertex colours."""
     is_animated: bool = False
-    """True where it may be another at another time."""
+    """Whether it may change over time."""
     extra: dict = field(default_factory=dict)
-    """Further tables that `material` names, by name."""
+    """Further tables that `material` refers to, by name."""
     textures: dict = field(default_factory=dict)
-    """Graphs that it takes, by name."""
+    """The graphs that it uses, by name."""
     own: set = field(default_factory=set)
-    """What its graphs ask of the object that they are on: `spaces.OWN`."""
+    """What its graphs require of their object: `spaces.OWN`."""
     displacement: dict | None = None
-    """Fields of a shape's `displacement` but for `edge`, and `in_world`."""
+    """Fields of a shape's `displacement` without `edge`, and `in_world`."""
     grows: bool = False
     """Whether the heights of its bumps grow with the object's scale."""
     pane: object = None
-    """The `Slot` that takes its place on meshes that are not closed, or None: of glass without a volume."""
+    """The `Slot` to use instead on meshes that are not closed, for glass without a volume; or None."""
     wants: tuple = ()
-    """Outputs of nodes that are to be baked, on each object anew."""
+    """Outputs of nodes to bake, separately for each object."""
     is_rough: bool = False
-    """Of a pane: whether the glass is rough, which it is not."""
+    """For a pane: whether the original glass is rough, which a pane cannot be."""
 
     @property
     def is_beneath(self):
-        """True where light sinks into a medium of the material's own."""
+        """Whether light enters a medium of the material's own below the surface."""
         return is_beneath(self.table, self.extra)
 
     @property
     def is_boundary(self):
-        """True where the surface can have a medium behind it."""
+        """Whether the surface can have a medium behind it."""
         return self.table is not None and _bounds(self.table, self.extra) is True
 
 
 def _bounds(table, others):
-    """Does a surface bound media? None for one that lets no light through."""
+    """Whether a surface bounds media; None for an opaque one."""
     if "opacity" in table:
         return False
     if table["type"] == "blend":
@@ -78,7 +78,7 @@ def _bounds(table, others):
 
 
 def _is_opaque(table, others):
-    """Whether no light gets through a surface."""
+    """Whether a surface is opaque."""
     if "opacity" in table:
         return False
     if table["type"] == "blend":
@@ -86,13 +86,13 @@ def _is_opaque(table, others):
     return table["type"] not in {*BOUNDARIES, "thin_dielectric", "translucent", "hair"} and "spec_trans" not in table
 
 
-# Cycles shows what has no material as 0.8 grey.
+# Cycles shows objects without a material as 0.8 grey.
 PLAIN = {"type": "diffuse", "reflectance": 0.8, "two_sided": True}
 
 
 def slot(context, material, placed=None):
-    """`Slot` of a Blender material, or of none; `take` is to be called for the one that is used. `placed`: the object
-    on which some of it was baked.
+    """The `Slot` of a Blender material, or of none; call `take` for the one that is used. `placed`: the object on which
+    parts of it were baked.
     """
     key = ("material", material.original.session_uid if material is not None else None)
     if placed is not None:
@@ -137,7 +137,7 @@ def _read(context, material, placed):
 
 
 class _Writer:
-    """Turns values into fields, and gathers what UV map they want."""
+    """Turns values into fields, and collects the UV map that they need."""
 
     def __init__(self, context, owner, name):
         self.context = context
@@ -165,7 +165,7 @@ class _Writer:
         if surface.displacement is not None and table["type"] != "null":
             displacement = self.displacement(surface.displacement)
         if len(self.uv_maps) > 1:
-            self.context.report.note(f"{self.owner}: all its textures take the UV map '{self.uv_maps[0] or 'active'}'")
+            self.context.report.note(f"{self.owner}: all its textures use the UV map '{self.uv_maps[0] or 'active'}'")
         found = Slot(self.name, table, emission, medium, extra=self.extra)
         found.uv_map = self.uv_maps[0] if self.uv_maps else ""
         if len(self.attributes) > 1:
@@ -178,9 +178,9 @@ class _Writer:
         found.grows = bool(surface.turned and surface.turned.get("grows")) and table["type"] != "null"
         if medium is not None and not found.is_boundary:
             if _is_opaque(found.table, found.extra):
-                self.context.report.note(f"the volume of {self.owner} is not seen: its surface lets no light in")
+                self.context.report.note(f"the volume of {self.owner} is not visible: its surface is opaque")
             else:
-                self.context.report.leave_out(f"the volume of {self.owner}, whose surface is no boundary of one")
+                self.context.report.leave_out(f"the volume of {self.owner}, whose surface cannot bound one")
             found.medium = None
         return found
 
@@ -195,7 +195,7 @@ class _Writer:
                 own = self.turned(value, "coat ")
                 table |= {f"coat_{key}": made for key, made in own.items()} or {"coat_levels": True}
             elif isinstance(value, AlongUv):
-                # What is not said.
+                # Fields left at their defaults.
                 self.wants(value.uv_map)
             else:
                 table[name] = value
@@ -267,7 +267,7 @@ class _Writer:
             table = records.Graphs(self.context, self.owner).named(value, self.name, "emission")
             return {"radiance": table} | ({} if gain == 1.0 else {"scale": gain})
         table = records.texture(value, self.context, self.owner, None)
-        # What is baked has its gain in its numbers.
+        # Baked numbers already include their factor.
         is_file = value.source is not None and not value.source.image.is_float
         gain = value.source.gain if is_file else table.pop("scale", 1.0)
         return {"radiance": table} | ({} if gain == 1.0 else {"scale": gain})

@@ -18,19 +18,19 @@ from .values import NotShown
 
 @dataclass(frozen=True)
 class Glow:
-    """What a volume emits: strength times colour by length, as Cycles has it."""
+    """Emission of a volume: strength times colour per length, as in Cycles."""
 
     color: tuple
-    """W/(m^2 sr) per scene unit; with a temperature the share of what a black body emits, per scene unit."""
+    """W/(m^2 sr) per scene unit; with a temperature, the fraction of a black body's emission per scene unit."""
     grid: str | None = None
-    """Name of a grid of a volume object that it is multiplied by; without such a grid it is nothing."""
+    """Name of a volume object's grid that multiplies it; without such a grid the emission is zero."""
     kelvin: float | None = None
     """Temperature of a black body."""
     temperature: str | None = None
-    """Name of a grid that this is multiplied by, if there is such a grid."""
+    """Name of a grid that multiplies the temperature, if there is such a grid."""
 
     def table(self, grid):
-        """The field `emission`, None for nothing. `grid`: of a grid's name, what the scene file has of it, or None."""
+        """The field `emission`, None for zero. `grid`: maps a grid's name to the scene file's grid, or None."""
         fields = {"color": _short(self.color)}
         if self.grid is not None:
             fields["field"] = grid(self.grid)
@@ -42,7 +42,7 @@ class Glow:
         return fields if len(fields) > 1 else fields["color"]
 
 
-# A watt per square millimetre and kelvin to the fourth is Cycles' unit of black bodies in volumes.
+# Cycles' unit for black bodies in volumes is a watt per square millimetre and kelvin to the fourth.
 BLACK_BODY = 1e-6
 
 
@@ -53,23 +53,23 @@ class Medium:
     sigma_a: tuple
     sigma_s: tuple
     lobes: tuple = ()
-    """(g, share of what is scattered) of each phase function."""
+    """(g, share of the scattering) of each phase function."""
     grid: str | None = None
-    """Name of the grid of a volume object that the coefficients are multiplied by."""
+    """Name of a volume object's grid that multiplies the coefficients."""
     grid_is_optional: bool = False
-    """Without such a grid the coefficients hold as they are, as they do for Principled Volume."""
+    """Without such a grid the coefficients are used as they are, as for Principled Volume."""
     texture: object = None
-    """`Shade` that the coefficients are multiplied by."""
+    """`Shade` that multiplies the coefficients."""
     albedo: object = None
-    """`Shade` of the part of the extinction that scatters; then `sigma_s` is all of it."""
+    """`Shade` of the fraction of the extinction that scatters; `sigma_s` is then the whole extinction."""
     glow: Glow | None = None
-    """What it emits, whatever its density."""
+    """Its emission, independent of its density."""
 
     def is_empty(self):
         return not any(self.sigma_a) and not any(self.sigma_s) and self.glow is None
 
     def is_shaded(self):
-        """Whether it varies by textures."""
+        """Whether it varies with textures."""
         return self.texture is not None or self.albedo is not None
 
     def scaled(self, factor):
@@ -81,8 +81,8 @@ class Medium:
         )
 
     def table(self, grid=lambda name: None, albedo=None):
-        """The medium's fields but for its type and density. `grid`: of a grid's name, what the scene file has of it.
-        `albedo`: the same of the texture that it is."""
+        """The medium's fields without type and density. `grid`: maps a grid's name to the scene file's grid. `albedo`:
+        the same for the texture of the albedo."""
         if albedo is None:
             fields = {"sigma_a": _short(self.sigma_a), "sigma_s": _short(self.sigma_s)}
         else:
@@ -112,7 +112,7 @@ def _phase(lobes):
 
 
 def sum_of(a, b):
-    """Two media in one place."""
+    """The sum of two media in one place."""
     if a is None or b is None:
         return a if b is None else b
     weights = {}
@@ -133,7 +133,7 @@ def sum_of(a, b):
 
 
 def _glows(a, b):
-    """Both together, or the first of what does not add up."""
+    """The sum of both, or the first if they cannot be added."""
     if a is None or b is None or not _add_up(a, b):
         return a or b
     return replace(a, color=tuple(x + y for x, y in zip(a.color, b.color)))
@@ -157,7 +157,7 @@ class VolumeReader(Reader):
     """Reads volume shaders of one tree."""
 
     has_colors = False
-    """Whether what it is of may have colours that vary in space."""
+    """Whether its owner may have colours that vary in space."""
 
     def medium(self, place):
         found = follow(place)
@@ -166,14 +166,14 @@ class VolumeReader(Reader):
         handler = VOLUMES.get(found.node.type)
         if handler is None:
             if found.node.type.startswith(SURFACES):
-                self.context.report.note(f"{self.owner}: '{found.node.name}' is nothing in a volume, as in Cycles")
+                self.context.report.note(f"{self.owner}: '{found.node.name}' has no effect in a volume, as in Cycles")
             else:
                 self.lack(found.node)
             return None
         return handler(self, found)
 
     def constant(self, place, name, otherwise):
-        """A number or three; what varies in space is left out."""
+        """A number or three; a value that varies in space is left out."""
         value = self.get(place, name)
         if value is None:
             return otherwise
@@ -183,7 +183,8 @@ class VolumeReader(Reader):
         return otherwise
 
     def by_grid(self, place, name):
-        """(factor, grid) of an input that an Attribute node stands for, or the product of one and a number; or None."""
+        """(factor, grid) for an input linked to an Attribute node, or to the product of one and a number; otherwise
+        None."""
         found = follow(place.input(name))
         if found is None or not found.socket.is_output:
             return None
@@ -199,7 +200,7 @@ class VolumeReader(Reader):
         return None
 
     def density(self, place):
-        """(number, grid or None, `Shade` or None) of a Density input."""
+        """(number, grid or None, `Shade` or None) for a Density input."""
         found = self.by_grid(place, "Density")
         if found is not None:
             return *found, None
@@ -210,7 +211,7 @@ class VolumeReader(Reader):
         return max(float(np.mean(value)), 0.0), None, None
 
     def glow(self, place, strength, color):
-        """`Glow` of inputs for strength and colour, or None."""
+        """`Glow` for inputs of strength and colour, or None."""
         found = self.by_grid(place, strength)
         if found is not None:
             factor, grid = found
@@ -220,7 +221,8 @@ class VolumeReader(Reader):
         return Glow(_tuple(shade), grid) if shade.any() else None
 
     def shade(self, place, name):
-        """An input that varies in space, None for one that does not, or that the scene file has no word for."""
+        """The `Shade` of an input that varies in space; None for one that does not, or that the scene file cannot
+        express."""
         reader = ShadeReader(self.context, self.owner, self.scope)
         value = reader.get(place, name)
         if value is None or not is_graph(value) or reader.has_grid:
@@ -228,7 +230,7 @@ class VolumeReader(Reader):
         return Shade(self.owner, (value.special["texture"].key, value.special["output"]), value)
 
 
-# Outputs of the node Volume Info, and the grids that they stand for.
+# Outputs of the node Volume Info, and their grids.
 VOLUME_INFO = {"Density": "density", "Flame": "flame", "Temperature": "temperature"}
 
 
@@ -252,7 +254,7 @@ class ShadeReader(Reader):
             self.has_grid = True
             raise NotShown("a grid")
         if kind in ("TEX_IMAGE", "TEX_CHECKER"):
-            # These have no UV in here.
+            # There is no UV inside a volume.
             raise NotShown("in a volume")
         return super()._of(place)
 
@@ -319,7 +321,7 @@ def _emission(reader, place):
 
 def _principled(reader, place):
     dark = _rgb(reader.constant(place, "Absorption Color", [0.0] * 3))
-    # What is not scattered is absorbed, all of it where the absorption is black.
+    # What is not scattered is absorbed, or everything if the absorption colour is black.
     tint = reader.shade(place, "Color") if reader.has_colors and not dark.any() else None
     color = _rgb(reader.constant(place, "Color", [0.5] * 3)) if tint is None else np.ones(3)
     density, grid, shade = reader.density(place)
@@ -332,7 +334,7 @@ def _principled(reader, place):
         grid = name.socket.default_value
     glow, hot = reader.glow(place, "Emission Strength", "Emission Color"), _black_body(reader, place)
     if glow is not None and hot is not None:
-        reader.lack(place.node, "emission beside that of a black body, which counts")
+        reader.lack(place.node, "emission in addition to a black body's, which is used")
     absorbed = np.maximum(1.0 - color, 0.0) * np.maximum(1.0 - np.sqrt(dark), 0.0)
     lobes = ((_g(reader, place), 1.0),)
     sigmas = _tuple(absorbed * density), _tuple(color * density)
@@ -372,13 +374,13 @@ def _join(reader, place, a, b):
     if a is not None and b is not None and kinds[0] != kinds[1]:
         if any(b.sigma_a) or any(b.sigma_s):
             if any(a.sigma_a) or any(a.sigma_s):
-                reader.lack(place.node, "volumes of different densities or colours; the first counts")
+                reader.lack(place.node, "volumes of different densities or colours; the first is used")
                 return a
-            # One of them but emits.
+            # One of them only emits.
             a, b = b, a
         b = replace(b, grid=a.grid, grid_is_optional=a.grid_is_optional, texture=a.texture, albedo=a.albedo)
     if a is not None and b is not None and a.glow is not None and b.glow is not None and not _add_up(a.glow, b.glow):
-        reader.lack(place.node, "two kinds of emission; one counts")
+        reader.lack(place.node, "two kinds of emission; one is used")
     return sum_of(a, b)
 
 
@@ -393,12 +395,12 @@ VOLUMES = {
 }
 
 
-# How the kinds of shaders begin that are of surfaces alone.
+# Prefixes of shader types that are for surfaces only.
 SURFACES = ("BSDF_", "SUBSURFACE_")
 
 
 def is_volume(output):
-    """Whether something that an output node's Volume is linked to can be one."""
+    """Whether the node linked to an output node's Volume can be a volume shader."""
     found = follow(Place(output.inputs["Volume"]))
     if found is None or not found.socket.is_output:
         return False
@@ -407,7 +409,7 @@ def is_volume(output):
 
 
 def read_volume(context, tree, kind, owner, scope="", has_colors=False):
-    """`Medium` of a tree's output node of the class `kind`; None where there is none. `scope`: first part of the names
+    """The `Medium` of a tree's output node of the class `kind`; None if there is none. `scope`: first part of the names
     of its textures. `has_colors`: it may have colours that vary in space."""
     output = None if tree is None else output_node(tree, kind)
     if output is None or not output.inputs["Volume"].is_linked:

@@ -1,4 +1,4 @@
-"""One scene of what it is at several times."""
+"""Merges readings of a scene at several times into one."""
 
 from dataclasses import dataclass, field
 
@@ -8,9 +8,9 @@ from .keys import keys, on_its_way, over_time, stepped, turning
 from .transforms import matrix_step
 
 ALL_RAYS = ["camera", "reflected", "refracted", "shadow", "photon"]
-# Instances that are not there are so small.
+# The scale of instances that are absent.
 GONE = 1e-4
-# A cut from one camera to the next takes so much of a frame.
+# The duration of a cut from one camera to the next, frames.
 CUT = 1e-3
 
 
@@ -21,7 +21,7 @@ class Read:
     context: object
     tables: dict
     camera: object = None
-    """Which one it is."""
+    """The time."""
     parts: dict = field(default_factory=dict)
     """(table, number of the place in it, or None) by part."""
 
@@ -35,7 +35,7 @@ class Read:
                 self.parts[key] = table, (number if "transforms" in table else None)
 
     def part(self, key):
-        """The fields of a part, or None where it is not there."""
+        """The fields of a part, or None if it is absent."""
         table, number = self.parts.get(key, (None, None))
         if number is None:
             return table
@@ -44,7 +44,7 @@ class Read:
 
 
 class Merging:
-    """Puts keys into the scene at a span's own time. `reads`: `Read` by time."""
+    """Adds keys to the scene at a span's own time. `reads`: `Read` by time."""
 
     def __init__(self, span, reads):
         self.span, self.reads = span, reads
@@ -75,23 +75,23 @@ class Merging:
         return self._over_time("the camera", times, tables, own)
 
     def _names(self, kind):
-        """Of all that is needed at one of the times."""
+        """Names of everything needed at any of the times."""
         reads = self.reads.values() if self.span.is_long else ()
         return dict.fromkeys([*self.own.tables[kind], *(name for read in reads for name in read.tables[kind])])
 
     def _named(self, kind, word, name):
-        """Of a medium or a material."""
+        """The table of a medium or a material."""
         own = self.own.tables[kind].get(name)
         source = self.context.sources.get(id(own))
         times = self.span.times(1 if source is None else source.steps)
         tables = [self.reads[time].tables[kind].get(name) for time in times]
         if self.span.is_long:
-            # What nothing takes at a time may be anything.
+            # Values at a time at which nothing uses it do not matter.
             tables = _filled(tables)
         return self._over_time(f"{word} '{name}'", times, tables, tables[0] if own is None else own)
 
     def _part(self, own):
-        """Of a shape or a light."""
+        """The table of a shape or a light."""
         source = self.context.sources.get(id(own))
         times = self.span.times(1 if source is None else source.steps)
         if source is None or not times:
@@ -113,7 +113,7 @@ class Merging:
         """Transforms of one of the instances at these times."""
         parts = [self.reads[time].part(key) for time in times]
         if self.span.is_long and any(part is None for part in parts):
-            self.report.note(f"{what}: copies are tiny where they are not there")
+            self.report.note(f"{what}: copies are tiny while they are absent")
             parts = [there if part else _tiny(there) for part, there in zip(parts, _filled(parts))]
         places = [part and {"transform": part["transform"]} for part in parts]
         if any(place is None for place in places):
@@ -121,7 +121,7 @@ class Merging:
             return [own] * len(times)
         signs = {Matrix(place["transform"][0]["matrix"]).to_3x3().determinant() > 0.0 for place in places}
         if len(signs) > 1:
-            self.report.note(f"{what}: a copy that is mirrored at some times stands still")
+            self.report.note(f"{what}: a copy that is mirrored at some times does not move")
             return [own] * len(times)
         return [place["transform"] for place in places]
 
@@ -141,29 +141,29 @@ class Merging:
             if self.span.is_long and field:
                 return stepped(finer, values, self.span.opens)
             when = "in the first frame" if self.span.is_long else "at the frame's own time"
-            self.report.note(f"{what}: how {field or 'it'} changes has nothing between: it is as {when}")
+            self.report.note(f"{what}: how {field or 'it'} changes cannot be interpolated: it is as {when}")
             return values[index]
 
         merged = over_time(finer, filled, otherwise)
         return own if merged == own else merged
 
     def _say_that_it_comes_or_goes(self, what):
-        self.report.note(f"{what} comes or goes while the shutter is open: it stands still")
+        self.report.note(f"{what} appears or disappears while the shutter is open: it does not move")
 
     def _deforming(self, what, source, times, table, inner):
-        """With the files of a mesh whose vertices move."""
+        """Adds the files of a mesh whose vertices move."""
         deforming = source.geometry and source.geometry.deforming
         if not deforming or not source.deforms:
             return table
         files = self.context.files
         if deforming.has_other_polygons and not self.span.is_long:
-            self.report.note(f"{what} has other polygons at other times: its shape is not blurred")
+            self.report.note(f"{what} has polygons that change over time: its shape is not blurred")
             return table
         if not deforming.moves:
             return table
         if deforming.has_other_polygons:
             if self.span.opens != self.span.closes:
-                self.report.note(f"{what} has other polygons at other times: its shape is not blurred")
+                self.report.note(f"{what} has polygons that change over time: its shape is not blurred")
             paths = deforming.paths(files, source.variant, times, self.span.own)
             moved = {"file": stepped(times, paths, self.span.opens)}
         elif self.span.is_long:
@@ -179,7 +179,7 @@ class Merging:
 
 
 def _filled(values):
-    """What is missing is as it was last, or as it will be at first."""
+    """Missing values are the last ones before, or else the first ones after."""
     last = next((value for value in values if value is not None), None)
     filled = []
     for value in values:
@@ -189,7 +189,7 @@ def _filled(values):
 
 
 def _hidden(parts):
-    """Shapes or lights that are not seen where they are not there."""
+    """Makes shapes or lights invisible where they are absent."""
     filled = _filled(parts)
     return [
         there | {"visible": [] if part is None else part.get("visible", ALL_RAYS)}
@@ -203,7 +203,7 @@ def _tiny(part):
 
 
 def _lit(tables):
-    """Shapes that do not shine at some of the times shine with nothing there."""
+    """Shapes that emit only at some of the times emit zero at the others."""
     shining = [table for table in tables if "emission" in table]
     if not shining or len(shining) == len(tables):
         return tables
@@ -214,7 +214,7 @@ def _lit(tables):
 
 
 def _around(transform, within):
-    """The same keys, with the matrix that comes before the object's by itself: the object's is what is interpolated."""
+    """The same keys, with the matrix that precedes the object's kept separate: only the object's is interpolated."""
     inverse = within.inverted()
     both = [
         [time, [matrix_step(within), matrix_step(Matrix(steps[0]["matrix"]) @ inverse)]]

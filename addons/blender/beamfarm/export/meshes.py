@@ -8,7 +8,7 @@ import numpy as np
 
 
 class MeshArrays:
-    """Triangles of a mesh with what its corners hold, by `foreach_get`."""
+    """A mesh's triangles with the data of their corners, by `foreach_get`."""
 
     def __init__(self, mesh):
         mesh.calc_loop_triangles()
@@ -21,17 +21,18 @@ class MeshArrays:
         self._normals = None
 
     def topology(self):
-        """The same for meshes that have the same polygons in the same order, and normals in both or in none."""
+        """The same for meshes that have the same polygons in the same order, and both or neither have normals."""
         digest = hashlib.blake2b(self.vertex_of.tobytes(), digest_size=16)
         digest.update(_read(self.mesh.polygons, "loop_start", np.int32).tobytes())
         return digest.digest(), len(self.positions), self.mesh.normals_domain == "FACE"
 
     def triangulate_as(self, corners, slots):
-        """Takes the triangles of a mesh of the same topology: how Blender cuts a polygon depends on its shape."""
+        """Adopts the triangles of a mesh with the same topology: how Blender triangulates a polygon depends on its
+        shape."""
         self.corners, self.slots = corners, slots
 
     def normals(self):
-        """Shading normals of corners, or None where every face is flat."""
+        """Shading normals of corners, or None if every face is flat."""
         if self.mesh.normals_domain == "FACE":
             return None
         if self._normals is None:
@@ -39,8 +40,8 @@ class MeshArrays:
         return self._normals
 
     def uv(self, name):
-        """UV of corners by the map `name`, by default the one that is active for renders; None where there is none, or
-        one without numbers, as modifiers leave it behind."""
+        """UV of corners by the map `name`, by default the one active for renders; None if there is none, or only one
+        without data, as modifiers may leave it."""
         layers = self.mesh.uv_layers
         layer = layers.get(name) if name else next((layer for layer in layers if layer.active_render), None)
         if layer is None or len(layer.uv) != len(self.vertex_of):
@@ -48,8 +49,8 @@ class MeshArrays:
         return _read(layer.uv, "vector", np.float32, 2)
 
     def colors(self, name, loops, triangles):
-        """What the mesh holds under a name as linear colours of `loops`, three for each of `triangles`; black where it
-        holds nothing, as with Cycles. "" is the colour attribute for renders."""
+        """The attribute `name` as linear colours of `loops`, three for each of `triangles`; black without such an
+        attribute, as in Cycles. "" is the colour attribute for renders."""
         black = np.zeros((len(loops), 3), dtype=np.float32)
         if not isinstance(name, str):
             # UV of a bake.
@@ -77,11 +78,11 @@ class MeshArrays:
 
 
 def positions_of(mesh):
-    """Places of its vertices."""
+    """Positions of its vertices."""
     return _read(mesh.vertices, "co", np.float32, 3)
 
 
-# Field of an attribute's data, its kind and how many numbers it has.
+# Field of an attribute's data, its type and its number of components.
 NUMBERS = {
     "FLOAT_COLOR": ("color", np.float32, 4),
     "BYTE_COLOR": ("color", np.float32, 4),
@@ -101,9 +102,9 @@ def _read(collection, name, kind, width=1):
 
 
 def ply(arrays, slot, uv_name=None, attribute=None):
-    """Bytes of the PLY file of a slot's triangles (of all for None), or None where it has none.
+    """Bytes of the PLY file of a slot's triangles (of all for None), or None if it has none.
 
-    Vertices are split where corners differ. `attribute`: what becomes the colours of vertices, None for no colours.
+    Vertices are split where corners differ. `attribute`: what becomes vertex colours, None for no colours.
     """
     corners = corners_of(arrays, slot, uv_name, attribute)
     return None if corners is None else ply_of(corners)
@@ -111,17 +112,17 @@ def ply(arrays, slot, uv_name=None, attribute=None):
 
 @dataclass
 class Corners:
-    """What the corners of triangles hold."""
+    """The data of triangles' corners."""
 
     columns: list
-    """Names of the numbers of each."""
+    """Names of the components."""
     records: np.ndarray
     """One row for each corner, three for each triangle."""
     vertex_of: np.ndarray
-    """The mesh's vertex of each."""
+    """The mesh vertex of each."""
 
     def put_aside(self):
-        """Keeps the records in a file that is gone when they are."""
+        """Moves the records into a file that lives as long as they do."""
         with tempfile.TemporaryFile() as file:
             self.records.tofile(file)
             file.flush()
@@ -129,7 +130,7 @@ class Corners:
 
 
 def corners_of(arrays, slot, uv_name=None, attribute=None):
-    """`Corners` of a slot's triangles (of all for None), or None where it has none."""
+    """`Corners` of a slot's triangles (of all for None), or None if it has none."""
     chosen = np.arange(len(arrays.corners)) if slot is None else np.flatnonzero(arrays.slots == slot)
     corners = arrays.corners[chosen]
     if len(corners) == 0:
@@ -153,15 +154,15 @@ def corners_of(arrays, slot, uv_name=None, attribute=None):
 
 
 def ply_of(corners):
-    """Bytes of the PLY file of `Corners`."""
+    """Bytes of a PLY file of `Corners`."""
     rows, indices = _weld(corners.records, corners.vertex_of)
     return _encode(corners.columns, corners.records[rows], indices.reshape(-1, 3))
 
 
 def plys(series):
-    """Bytes of PLY files of one mesh at several times, one after the other; they have the same vertices.
+    """Bytes of PLY files of one mesh at several times, one after the other, with the same vertices.
 
-    `series`: `Corners` of the same triangles. Corners are one vertex where they are alike at all times.
+    `series`: `Corners` of the same triangles. Corners that are equal at all times become one vertex.
     """
     rows, indices = None, series[0].vertex_of
     for k, corners in enumerate(series):
@@ -171,12 +172,12 @@ def plys(series):
 
 
 def _weld(records, vertex_of, are_apart=False):
-    """Numbers of rows of `records` that differ, and for each row which of these it is.
+    """Indices of the distinct rows of `records`, and for each row which of these it equals.
 
-    `vertex_of`: the mesh's vertex of each row.
+    `vertex_of`: the mesh vertex of each row.
 
-    Most corners of a vertex are alike: only those unlike its first corner are sorted. `are_apart`: two vertices at one
-    place stay two.
+    Most corners of a vertex are equal: only those that differ from its first corner are sorted. `are_apart`: two
+    vertices at one place stay two.
     """
     count = len(records)
     first = np.full(int(vertex_of.max()) + 1, -1, dtype=np.int64)
@@ -199,7 +200,7 @@ def _weld(records, vertex_of, are_apart=False):
 
 
 def _different(bits):
-    """(one row of each kind, the kind of each row) of an array of 32-bit words."""
+    """(one row of each kind, the kind of each row) for an array of 32-bit words."""
     mixed = np.zeros(len(bits), dtype=np.uint64)
     for column in range(bits.shape[1]):
         mixed = (mixed ^ bits[:, column]) * np.uint64(0x9E3779B97F4A7C15)
@@ -207,7 +208,7 @@ def _different(bits):
     _, kept, which = np.unique(mixed, return_index=True, return_inverse=True)
     if np.array_equal(bits[kept][which], bits):
         return kept, which
-    # Two rows of one hash, all but impossible: then each stays by itself.
+    # Two different rows with one hash, almost impossible: then each stays separate.
     return np.arange(len(bits)), np.arange(len(bits))
 
 

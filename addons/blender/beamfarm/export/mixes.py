@@ -1,4 +1,4 @@
-"""Surfaces, and what two of them mixed or added are."""
+"""Surfaces, and mixes and sums of two."""
 
 from dataclasses import dataclass, replace
 
@@ -12,20 +12,20 @@ from .values import NotShown, Value, combine, constant
 
 @dataclass
 class Surface:
-    """What light that meets a surface does there."""
+    """How a surface treats light."""
 
     bsdf: dict | None = None
-    """Fields of a material, values being `Value`; None absorbs all light."""
+    """Fields of a material, with `Value`s; None absorbs all light."""
     opacity: Value = None
-    """Share of the light that meets it at all."""
+    """Share of the light that hits it at all."""
     emission: Value | None = None
     """Radiance."""
     turned: dict | None = None
     """`bump` or `normal_map`."""
     wants: tuple = ()
-    """Outputs of nodes that are to be baked."""
+    """Outputs of nodes to bake."""
     displacement: dict | None = None
-    """`height`, a `Value`, `midlevel`, `scale`, and whether these are lengths of the world."""
+    """`height`, a `Value`, `midlevel`, `scale`, and whether these are lengths in world space."""
 
 
 def opaque(bsdf, emission=None, turned=None):
@@ -54,7 +54,7 @@ def _times(a, b):
 
 
 def mixed(reader, factor, a, b):
-    """`factor` of `b`, the rest of `a`."""
+    """`b` with weight `factor`, `a` with the rest."""
     rest = _inverse(factor)
     opacity = _opacity(factor, rest, a.opacity, b.opacity)
     emission = _sum(scaled(a.emission, rest), scaled(b.emission, factor))
@@ -78,7 +78,7 @@ def mixed(reader, factor, a, b):
 
 
 def _simple(blend):
-    """Two diffuse materials of constant colours are one."""
+    """Merges two diffuse materials of constant colours."""
     a, b = blend["materials"]
     weight = blend["weight"]
     is_smooth = not ("roughness" in a or "roughness" in b)
@@ -107,18 +107,18 @@ def _opacity(factor, rest, a, b):
 
 def _one_turned(reader, a, b):
     if a.turned and b.turned and _shown(a.turned) != _shown(b.turned):
-        reader.context.report.note(f"{reader.owner}: of two bumps or normal maps in a mix the first counts")
+        reader.context.report.note(f"{reader.owner}: of two bumps or normal maps in a mix the first is used")
     return a.turned or b.turned
 
 
 def _shown(turned):
-    """What tells one bump or normal map from another."""
+    """Identifies a bump or normal map."""
     return [(name, _shown(value) if isinstance(value, dict) else
              (value.name, value.lookup) if isinstance(value, Value) else value) for name, value in turned.items()]
 
 
 def added(reader, place, a, b):
-    """`a` and `b`, which the node of `place` adds."""
+    """The sum of `a` and `b` by the node of `place`."""
     try:
         emission = _sum(a.emission, b.emission)
     except NotShown as problem:
@@ -143,23 +143,23 @@ def added(reader, place, a, b):
             through = _before_nothing(reader, place, other)
             if through is not None:
                 return replace(through, emission=emission)
-    reader.lack(place.node, "a sum of two shaders that both scatter light; the first counts")
+    reader.lack(place.node, "a sum of two shaders that both scatter light; the first is used")
     return replace(a, emission=emission)
 
 
 def _leaf(reader, a, b):
-    """A diffuse and a translucent shader in one; None of others."""
+    """A diffuse and a translucent shader as one; None for others."""
     if not (_is_one(a.opacity) and _is_one(b.opacity)) or a.bsdf is None or b.bsdf is None:
         return None
     if a.bsdf["type"] != "diffuse" or b.bsdf["type"] != "translucent":
         return None
     if "roughness" in a.bsdf:
-        reader.context.report.note(f"{reader.owner}: beside translucent shaders diffuse ones are Lambertian")
+        reader.context.report.note(f"{reader.owner}: diffuse shaders added to translucent ones are Lambertian")
     return b.bsdf | {"reflectance": a.bsdf["reflectance"]}
 
 
 def _beneath(reader, place, a, b):
-    """A diffuse shader or sheen added to a Principled one that has a diffuse base; None of others."""
+    """A diffuse shader or sheen added to a Principled one with a diffuse base; None for others."""
     if not (_is_one(a.opacity) and _is_one(b.opacity)) or a.bsdf is None or b.bsdf is None:
         return None
     if b.bsdf["type"] not in ("diffuse", *FLEECY) or "subsurface" in a.bsdf or "spec_trans" in a.bsdf:
@@ -173,20 +173,20 @@ def _beneath(reader, place, a, b):
     if below["type"] in FLEECY:
         below = diffuse_sheen(reader, place, FLEECY[below["type"]], below["reflectance"], below["roughness"])
     elif "roughness" in below:
-        reader.context.report.note(f"{reader.owner}: what is added to its base is as rough as that")
+        reader.context.report.note(f"{reader.owner}: what is added to its base is as rough as the base")
     color = calculate(lambda a, b: np.clip(a + b, 0.0, 1.0), a.bsdf[field].as_color(), below["reflectance"].as_color())
     return a.bsdf | {field: color}
 
 
 def _before_nothing(reader, place, shown):
-    """What reflects before what lets all light through: it covers as much as it sends back. None of others."""
+    """A reflective shader plus one that lets all light through: it covers as much as it reflects. None for others."""
     if shown.bsdf is None or shown.bsdf["type"] not in TINTED:
         return None
     color = shown.bsdf["reflectance"]
     most = _most(color)
     if most <= 0.0 or most >= 1.0:
         return None
-    what = f"a sum that sends back up to {1.0 + most:.2f} of the light is dimmed to what arrives"
+    what = f"a sum that reflects up to {1.0 + most:.2f} of the light is dimmed to what arrives"
     if most > SLIGHT:
         reader.lack(place.node, what)
     else:
@@ -195,17 +195,17 @@ def _before_nothing(reader, place, shown):
     return replace(shown, bsdf=bsdf, opacity=constant(most))
 
 
-# So much more than arrives may be cut off without a word that something is missing.
+# Reflection beyond one by up to this much may be cut off without reporting anything missing.
 SLIGHT = 0.05
 
-# Materials all of whose light is multiplied by one colour.
+# Materials whose whole response is multiplied by one colour.
 TINTED = {"diffuse", "mirror", "rough_conductor", "velvet", "sheen"}
-# Of these, those that send back as much as their colour to few directions alone, and Blender's names of them.
+# Of these, those that reflect as much as their colour only in few directions, and Blender's names of them.
 FLEECY = {"velvet": "ASHIKHMIN", "sheen": "MICROFIBER"}
 
 
 def _both(reader, place, a, b):
-    """Both of two materials, as a mix of ones that are brighter by what a mix takes of them; None for others."""
+    """Both materials as a mix of brighter ones, to make up for the mix's weights; None for others."""
     if a["type"] not in TINTED or b["type"] not in TINTED:
         return None
     shares = [_most(part["reflectance"]) for part in (a, b)]
@@ -216,18 +216,18 @@ def _both(reader, place, a, b):
     kept = list(shares)
     fleecy = [i for i, part in enumerate((a, b)) if part["type"] in FLEECY]
     if total > 1.0 and len(fleecy) == 1 and shares[1 - fleecy[0]] < 1.0:
-        # What lies below it is as it is.
+        # What lies below is unchanged.
         (i,) = fleecy
         kept[i] = 1.0 - shares[1 - i]
         reader.lack(place.node, f"{(a, b)[i]['type']} of {shares[i]:.2f} over what is as bright is dimmed to "
                                 f"{kept[i]:.2f}")
     elif total > 1.0 and (is_known or a["type"] != b["type"]):
-        reader.lack(place.node, f"a sum that sends back up to {total:.2f} of the light is dimmed to what arrives")
+        reader.lack(place.node, f"a sum that reflects up to {total:.2f} of the light is dimmed to what arrives")
     are_rough = ["roughness" in part for part in (a, b) if part["type"] == "diffuse"]
     if any(are_rough):
         reader.context.report.note(f"{reader.owner}: rough diffuse shaders of a sum are somewhat brighter")
     if len(are_rough) == 2 and not any(are_rough):
-        # As where one looks at grazing angles at sheen, which is then cut off.
+        # As for sheen at grazing angles, which is then cut off.
         both = calculate(lambda a, b: np.clip(a + b, 0.0, 1.0), a["reflectance"], b["reflectance"])
         return a | {"reflectance": both}
     weight = kept[1] / sum(kept)
@@ -239,5 +239,5 @@ def _both(reader, place, a, b):
 
 
 def _most(value):
-    """The most that a colour is anywhere; 1 for what is not known."""
+    """The largest value of a colour anywhere; 1 if unknown."""
     return 1.0 if value.special is not None else float(np.clip(value.data, 0.0, 1.0).max())

@@ -1,5 +1,5 @@
-"""Scenes that move: they are read at several times, while the shutter is open or frame by frame, and what is not the
-same at all of them gets keys."""
+"""Moving scenes: they are read at several times, while the shutter is open or frame by frame, and what changes gets
+keys."""
 
 import re
 from dataclasses import dataclass, field, replace
@@ -18,14 +18,14 @@ class Moment:
     """`spans.Exposure` or `spans.Frames`."""
     time: float
     is_first: bool = True
-    """The span's own time, which says what there is and what it is made of."""
+    """The span's own time, which decides what exists and what it is made of."""
     is_again: bool = False
-    """The same once more, for the meshes that are known by now to move."""
+    """The same once more, for meshes found to move since."""
     geometries: dict = field(default_factory=dict)
-    """By part, of the first moment."""
+    """By part, at the first moment."""
 
     def steps_of(self, object, parent, report):
-        """`spans.motion_of` an object, or of an instance of `parent`."""
+        """`spans.motion_of` for an object, or for an instance of `parent`."""
         steps, deforms = motion_of(object, parent)
         if not self.span.is_long:
             return steps, deforms
@@ -34,17 +34,17 @@ class Moment:
         return 1, True
 
     def remember(self, context, placed, geometry):
-        """Keeps what an object has at this place at the frame's own time."""
+        """Keeps the state of an object at this place at the frame's own time."""
         self.geometries[context.part(placed, "geometry")] = geometry
 
     def known(self, context, placed, mesh):
-        """The geometry that an object had at this place at the frame's own time; how its vertices are now is kept."""
+        """The geometry of an object at this place at the frame's own time; its present vertices are kept."""
         geometry = self.geometries.get(context.part(placed, "geometry"))
         if geometry is None:
             if self.span.is_long:
-                context.report.leave_out(f"'{placed.name}', where it is not there in the first frame")
+                context.report.leave_out(f"'{placed.name}', which is absent in the first frame")
             else:
-                context.report.note(f"'{placed.name}' is not there at the frame's own time: it is not seen in its blur")
+                context.report.note(f"'{placed.name}' is absent at the frame's own time: its blur lacks it")
             return None
         deforming = geometry.deforming
         if deforming is None or self.time in deforming.moves:
@@ -69,9 +69,9 @@ def moving(context, span, go_to, read):
     def settings_now():
         seen = settings.camera or camera
         if span.is_long and settings.camera is None:
-            # The evaluated scene may still have the one before the last marker.
+            # The evaluated scene may still have the camera from before the last marker.
             seen = context.depsgraph.scene.camera
-        # In one frame that of the frame, even where another one takes over while the shutter is open.
+        # For one frame, the frame's own camera, even if another one takes over while the shutter is open.
         return replace(settings, camera=seen and seen.original.evaluated_get(context.depsgraph))
 
     def read_at(time, **how):
@@ -120,7 +120,7 @@ def moving(context, span, go_to, read):
     return {"image": tables.pop("image"), "render": tables.pop("render"), "animation": span.table()} | tables
 
 
-# What files of a sequence have in the place of the number.
+# The frame number in names of sequences' files.
 OF_A_FRAME = re.compile(r"_-?\d+(?=\.\w+\Z)")
-# Fields of a context that a read fills.
+# Fields of a context that a reading fills.
 GROWING = ["textures", "media", "materials", "shapes", "lights", "groups", "rules", "shown", "sources", "counts"]

@@ -1,4 +1,4 @@
-"""Names for the scene file and for files: one for each thing, the same each time."""
+"""Names for the scene file and for files: unique, and the same each time."""
 
 import re
 
@@ -7,24 +7,25 @@ UNSAFE = re.compile(r"[^\w .+-]")
 
 
 def plain(name):
-    """`name` with only letters, digits and a few signs: no brackets, which would name a copy of instances."""
+    """`name` reduced to letters, digits and a few signs, without brackets, which would denote a copy among
+    instances."""
     return UNSAFE.sub("_", name).strip() or "unnamed"
 
 
 def file_name(name):
-    """`name` for a file on any system."""
+    """`name` as a valid file name on any system."""
     return re.sub(r"[^A-Za-z0-9_-]", "_", name)[:60].strip("_") or "unnamed"
 
 
 class Names:
-    """Gives each key a name of its own."""
+    """Gives each key a unique name."""
 
     def __init__(self):
         self._by_key = {}
         self._taken = set(RESERVED)
 
     def get(self, key, *wanted):
-        """Name of `key`: `wanted`, parts with / between them, with a number behind it where that is taken."""
+        """Name of `key`: `wanted`, parts joined with /, followed by a number if it is taken."""
         if key not in self._by_key:
             base = "/".join(map(plain, wanted))
             name, count = base, 1

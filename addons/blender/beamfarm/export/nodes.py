@@ -1,4 +1,4 @@
-"""Nodes that make numbers, colours and textures."""
+"""Nodes that give numbers, colours and textures."""
 
 from dataclasses import replace
 
@@ -12,16 +12,16 @@ from .values import Lookup, NotShown, Source, Value, combine, constant
 
 
 class Reader:
-    """Reads values of one node tree, and says what it cannot read as of `owner`: "material 'Rock'"."""
+    """Reads values of one node tree, and reports what it cannot read as belonging to `owner`: "material 'Rock'"."""
 
     sees_path, rays_of_path = "Is Camera Ray", "for the camera's"
-    """The output of a Light Path node that is 1, and what rays that stands for."""
+    """The output of a Light Path node that is 1, and the rays that this stands for."""
 
     graphs = {}
-    """Function from a reader and a `Place` to a `Value` that is a graph, by kind of node; none where no texture can be
-    a graph."""
+    """Functions from a reader and a `Place` to a `Value` that is a graph, by kind of node; empty where no texture can
+    be a graph."""
     sees_surface = False
-    """Whether graphs know from where and by what ray a surface is seen."""
+    """Whether graphs may depend on the viewing direction and the kind of ray."""
 
     def __init__(self, context, owner, scope=""):
         self.context = context
@@ -30,20 +30,20 @@ class Reader:
         """The first part of the names of its textures."""
         self._known = {}
         self.bake = None
-        """Function from a `Place` to what was baked of it, or None; None where nothing can be baked."""
+        """Function from a `Place` to its baked result, or None; None if nothing can be baked."""
         self.bakes_attributes = False
-        """Whether colours of vertices are to be baked: where they stand is the UV of what is baked."""
+        """Whether vertex colours must be baked because the UV of baked images takes their place."""
         self.wants = []
-        """Outputs that are to be baked."""
+        """Outputs to bake."""
 
     def lack(self, node, why=""):
-        """Says that a node is left out."""
+        """Reports that a node is left out."""
         kind = node.bl_label if node.name.startswith(node.bl_label) else f"{node.name}' ({node.bl_label}"
         shown = f"node '{kind}'" if "(" not in kind else f"node '{kind})"
         self.context.report.leave_out(f"{shown} of {self.owner}" + (f": {why}" if why else ""))
 
     def value(self, place):
-        """Value of an input socket, as a colour, a vector or a number by the socket's kind."""
+        """Value of an input socket, as a colour, a vector or a number depending on the socket's kind."""
         socket = place.socket
         found = follow(place)
         try:
@@ -54,8 +54,8 @@ class Reader:
             elif found.node.mute:
                 value = default(socket)
             elif found.node.type == "SHADERTORGB":
-                self.context.report.note(f"{self.owner}: 'Shader to RGB' is EEVEE's alone; as in Cycles what it is "
-                                         "linked to has its own number")
+                self.context.report.note(f"{self.owner}: 'Shader to RGB' is for EEVEE only; as in Cycles, what it "
+                                         "is linked to uses its own value")
                 value = default(socket)
             else:
                 value = self.linked(found)
@@ -67,11 +67,11 @@ class Reader:
         return value.as_color()
 
     def light_path(self, place):
-        """What an output of a Light Path node is for the rays that are read for; None where nothing tells."""
+        """The value of a Light Path node's output for the rays being read; None if it cannot be known."""
         return None
 
     def linked(self, place):
-        """Value of an output: what it is everywhere, pixels of an image, or a graph. Raises `NotShown`."""
+        """Value of an output: a constant, pixels of an image, or a graph. Raises `NotShown`."""
         if place not in self._known:
             try:
                 self._known[place] = self._alone(place, self._shown(place))
@@ -83,7 +83,7 @@ class Reader:
         return self._known[place]
 
     def _alone(self, place, value):
-        """The value, baked if the mesh holds it and what is baked needs the room."""
+        """The value, baked if it comes from the mesh and baked images need its place."""
         is_attribute = self.bakes_attributes and value.special is not None and "attribute" in value.special
         return self._baked(place) or value if is_attribute else value
 
@@ -97,7 +97,7 @@ class Reader:
             return self._graph(handler, place, problem)
 
     def _baked(self, place):
-        """What was baked of an output, or None; then it is wanted, where that is possible."""
+        """The baked result of an output, or None; it is then requested, if possible."""
         if self.bake is None:
             return None
         baked = self.bake(place)
@@ -114,7 +114,7 @@ class Reader:
             raise other if str(other) else problem from None
 
     def get(self, node_place, name):
-        """Value of an input by name; None where the node has none."""
+        """Value of an input by name; None if the node has none."""
         place = node_place.input(name)
         return None if place is None else self.value(place)
 
@@ -131,7 +131,7 @@ class Reader:
         return handler(self, place)
 
     def inputs(self, place):
-        """Values of all inputs that are shown."""
+        """Values of all visible inputs."""
         return [self.value(Place(socket, place.groups)) for socket in place.node.inputs if socket.enabled]
 
 
@@ -175,9 +175,9 @@ def picture(reader, place):
         raise NotShown(f"projection {node.projection.lower()}")
     wrap = {"REPEAT": "repeat", "MIRROR": "mirror", "EXTEND": "clamp", "CLIP": "clamp"}[node.extension]
     if node.extension == "CLIP":
-        reader.context.report.note(f"image '{image.name}' of {reader.owner}: goes on beyond its border, not clipped")
+        reader.context.report.note(f"image '{image.name}' of {reader.owner}: continues beyond its border, not clipped")
     if node.interpolation in ("Cubic", "Smart"):
-        reader.context.report.note(f"image '{image.name}' of {reader.owner}: interpolated linearly, not cubic")
+        reader.context.report.note(f"image '{image.name}' of {reader.owner}: interpolated linearly, not cubically")
     lookup = Lookup(filter="nearest" if node.interpolation == "Closest" else "bilinear", wrap=wrap)
     path = image.filepath_from_user(image_user=node.image_user)
     if place.socket.name == "Alpha":
@@ -190,11 +190,11 @@ def picture(reader, place):
 
 
 def missing_picture(reader, place):
-    """What Cycles shows in the place of an image that is not there: pink. None where it is; else told."""
+    """Cycles' replacement for a missing image: pink. None if the image exists; otherwise it is reported."""
     image = place.node.image
     if image is None:
         reader.lack(place.node, "no image")
-    # What a viewer or a render shows, no file has.
+    # Images shown by a viewer or a render have no file.
     elif image.source == "VIEWER" or image.source not in ("MOVIE", "TILED") and 0 in image.size:
         reader.lack(place.node, f"image '{image.name}' cannot be read")
     else:
@@ -203,7 +203,7 @@ def missing_picture(reader, place):
 
 
 def mapping(reader, place):
-    """(2 x 3 numbers or nothing, UV map) of a texture's Vector input."""
+    """(2 x 3 numbers or None, UV map) for a texture's Vector input."""
     found = follow(place)
     if found is None or not found.socket.is_output:
         return (), ""
@@ -277,11 +277,11 @@ def _checker(reader, place):
     if not reader.is_linked(place, "Vector"):
         raise NotShown("generated coordinates")
     uv, uv_map = mapping(reader, place.input("Vector"))
-    # Squares of 1 / scale here, of half a unit of UV in the scene file.
+    # Checks of 1 / scale here, of half a unit of UV in the scene file.
     matrix = np.vstack([uv or ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), (0.0, 0.0, 1.0)])
     matrix = np.diag([scale.number() / 2, scale.number() / 2, 1.0]) @ matrix
     lookup = Lookup(tuple(tuple(float(number) for number in row) for row in matrix[:2]), uv_map)
-    # Blender's first colour is that of odd cells: floor(x) + floor(y) + floor(z) even gives the second at (0, 0).
+    # Blender's first colour is that of odd cells: an even floor(x) + floor(y) + floor(z) gives the second at (0, 0).
     colors = [second.color(), first.color()]
     return Value(None, 3, lookup, special={"checkerboard": colors})
 
@@ -301,12 +301,12 @@ def _attribute(reader, place):
 
 
 def attribute(name):
-    """What a mesh holds under a name, as colours of its vertices; "" is its colour attribute for renders."""
+    """A mesh's attribute as vertex colours; "" is its colour attribute for renders."""
     return Value(None, 3, special={"attribute": "color"}, name=name)
 
 
 def _formula(function):
-    """Handler of a node whose value is a function of all its inputs that are shown."""
+    """Handler for a node whose value is a function of all its visible inputs."""
 
     def handler(reader, place):
         values = reader.inputs(place)
@@ -360,7 +360,7 @@ def _blackbody(reader, place):
 
 
 def fresnel_index(reader, place):
-    """Index of refraction of a Fresnel node, or of Layer Weight's Fresnel; None of another socket."""
+    """Index of refraction of a Fresnel node, or of Layer Weight's Fresnel; None for another socket."""
     if place.node.type == "FRESNEL":
         index = reader.get(place, "IOR")
     elif place.node.type == "LAYER_WEIGHT" and place.socket.name == "Fresnel":
@@ -374,11 +374,11 @@ def fresnel_index(reader, place):
 
 
 def _head_on(reader, place):
-    """What depends on the direction of view: as it is where one looks straight at the surface."""
+    """A value that depends on the viewing direction, evaluated for a head-on view."""
     if reader.sees_surface:
         raise NotShown(place.socket.name)
     index = fresnel_index(reader, place)
-    reader.lack(place.node, f"{place.socket.name} counts as where one looks straight at the surface")
+    reader.lack(place.node, f"{place.socket.name} is taken as for a head-on view")
     return constant(0.0 if index is None else ((index - 1.0) / (index + 1.0)) ** 2)
 
 
@@ -389,7 +389,7 @@ def _light_path(reader, place):
         return constant(told)
     if name not in LIGHT_PATH or reader.sees_surface and name in ("Is Camera Ray", "Is Shadow Ray"):
         raise NotShown(name)
-    reader.lack(place.node, f"'{name}' counts for all rays as {reader.rays_of_path}")
+    reader.lack(place.node, f"'{name}' is taken for all rays as {reader.rays_of_path}")
     return constant(1.0 if name == reader.sees_path else 0.0)
 
 

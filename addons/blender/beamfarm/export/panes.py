@@ -1,7 +1,7 @@
-"""Glass on surfaces that enclose nothing: panes, as windows of one plane are.
+"""Glass on surfaces that enclose nothing: panes, for example windows made of one plane.
 
-A single boundary of glass has an inside that nothing leaves again: seen from without, all behind it would be squeezed
-together, seen from within spread, and brighter or darker by the square of the index.
+Light would never leave the inside of a single boundary of glass: seen from outside, everything behind it would be
+squeezed together, seen from inside spread, and its brightness would change by the square of the index.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ KEPT = ("specular_reflectance", "specular_transmittance")
 
 
 def pane_of(bsdf):
-    """Fields of the material with panes in the place of solid glass; None where there is no glass in it."""
+    """Fields of the material with panes in place of solid glass; None if it has no glass."""
     if bsdf is None:
         return None
     if bsdf["type"] == "blend":
@@ -28,7 +28,7 @@ def pane_of(bsdf):
 
 
 def is_rough(bsdf):
-    """Whether there is glass in it that is not smooth."""
+    """Whether it contains glass that is not smooth."""
     if bsdf["type"] == "blend":
         return any(is_rough(part) for part in bsdf["materials"])
     if bsdf["type"] == "principled" and "spec_trans" in bsdf:
@@ -38,12 +38,12 @@ def is_rough(bsdf):
 
 
 def _pane(ior):
-    # On one plane the index may be that of the inside against the outside or the other way round.
+    # On a single plane the index may be that of the inside against the outside or the reverse.
     return {"type": "thin_dielectric", "ior": max(ior, 1.0 / ior)}
 
 
 def _partly(bsdf):
-    """A principled material that is glass in part: a blend of the rest with a pane."""
+    """A principled material that is partly glass: a blend of the rest with a pane."""
     share = bsdf["spec_trans"]
     rest = {name: value for name, value in bsdf.items() if name != "spec_trans"} | {"two_sided": True}
     pane, base, metallic = _pane(bsdf["ior"]), bsdf["base_color"], bsdf["metallic"]
@@ -54,7 +54,7 @@ def _partly(bsdf):
         pane["specular_transmittance"] = base
     if not _is_zero(metallic):
         try:
-            # Metal comes first; what is left of it is glass by its share.
+            # Metal comes first; glass takes its share of the rest.
             glass = calculate(lambda share, metal: share * (1.0 - metal), share, metallic)
             rest["metallic"] = calculate(
                 lambda glass, metal: np.clip(metal / np.maximum(1.0 - glass, 1e-6), 0.0, 1.0), glass, metallic
@@ -72,13 +72,13 @@ def _is_zero(value):
 
 
 class Panes:
-    """Which objects have a material as panes, for notes."""
+    """The objects on which a material acts as panes, for notes."""
 
     def __init__(self):
         self._names = {}
 
     def add(self, slot, name):
-        """Takes an object on which the `materials.Slot` of a solid is a pane."""
+        """Records an object on which the `materials.Slot` of a solid is a pane."""
         self._names.setdefault((slot.material, slot.pane.is_rough), {})[name] = None
 
     def tell(self, report):

@@ -1,4 +1,4 @@
-"""Images of Blender as files beside the scene: copies where a file can be copied, else OpenEXR."""
+"""Images of Blender as files of the scene: copied where possible, otherwise written as OpenEXR."""
 
 import os
 import struct
@@ -13,9 +13,9 @@ SRGB = {"sRGB", "sRGB OETF"}
 
 
 def pixels(image, times_alpha=False):
-    """Linear RGBA of an image, bottom row first, (height, width, 4) of floats; None where it has no pixels.
+    """Linear RGBA of an image, bottom row first, (height, width, 4) of floats; None if it has no pixels.
 
-    `times_alpha`: colours are first multiplied by alpha, as they stand in the file.
+    `times_alpha`: encoded colours are first multiplied by alpha.
     """
     width, height = image.size
     if width == 0 or height == 0:
@@ -38,7 +38,7 @@ def pixels(image, times_alpha=False):
 
 
 def to_linear(values):
-    """Linear values of those encoded as sRGB."""
+    """Linear values from sRGB-encoded ones."""
     low = values / 12.92
     high = ((np.maximum(values, 0.0) + 0.055) / 1.055) ** 2.4
     return np.where(values <= 0.04045, low, high).astype(np.float32)
@@ -79,14 +79,14 @@ def exr(values, half=False):
 
 
 class Pictures:
-    """Writes images, each once; keeps what it wrote as long as an image is not changed."""
+    """Writes images, each once; keeps the files until an image changes."""
 
     def __init__(self, files):
         self.files = files
         self._kept = {}
 
     def file(self, image, path, report):
-        """(path in the scene's folder, raw) of an image as it is, `path` being its file; None without pixels."""
+        """(path in the scene's folder, raw) of an image, whose own file is `path`; None without pixels."""
         state = _state(image, path)
         kept = self._kept.get((image.original.session_uid, path))
         if kept is not None and kept[0] == state and state is not None:
@@ -118,7 +118,7 @@ class Pictures:
         return self.files.put("textures", stem, ".exr", exr(colors)), False
 
     def is_see_through(self, image, path):
-        """True for an image whose colours Cycles multiplies by alpha, unless alpha is made use of as well."""
+        """Whether Cycles multiplies an image's colours by alpha, which it does unless alpha is used as well."""
         if image.alpha_mode != "STRAIGHT" or image.channels != 4 or image.is_float:
             return False
         if image.colorspace_settings.name in LINEAR:
@@ -129,7 +129,7 @@ class Pictures:
         return self._kept[key][1]
 
     def baked(self, name, values):
-        """Path of an EXR of numbers that no image of Blender has."""
+        """Path of an EXR with baked values, which belong to no image of Blender."""
         return self.files.put("textures", file_name(name), ".exr", exr(np.maximum(np.nan_to_num(values), 0.0)))
 
 
@@ -146,7 +146,7 @@ def _bytes(image, path):
 
 
 def _state(image, path):
-    """What changes with an image; None for one that may change at any time."""
+    """The state that changes with an image; None for one that may change at any time."""
     if image.is_dirty:
         return None
     space = image.colorspace_settings.name

@@ -8,7 +8,7 @@ from .transforms import matrix_step
 
 
 def add_points(placed, context):
-    """Adds a point cloud: an instance of a ball for each point. Returns why there is none."""
+    """Adds a point cloud: an instance of a ball for each point. Returns a reason if there is none."""
     object, points = placed.object, placed.object.data.points
     places = np.empty(3 * len(points), dtype=np.float32)
     radii = np.empty(len(points), dtype=np.float32)
@@ -45,7 +45,7 @@ def add_points(placed, context):
 
 
 def _numbers(cloud):
-    """By what each point is known at another time: its id, where it has one."""
+    """What identifies each point at another time: its id, if it has one."""
     ids = cloud.attributes.get("id")
     if ids is None or ids.data_type != "INT" or ids.domain != "POINT":
         return np.arange(len(cloud.points))

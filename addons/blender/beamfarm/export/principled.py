@@ -59,19 +59,19 @@ def principled(reader, place):
         bsdf["multiple_scattering"] = False
     is_glass = is_dielectric and transmission.is_constant and transmission.number() >= 1.0
     if not is_glass:
-        # What Cycles lets through it scatters alike in all directions.
+        # Cycles' transmitted lobe is isotropic.
         bsdf |= _stretched(reader, place, not _is_zero(transmission) and not is_metal)
     if not _is_zero(transmission) and not is_metal:
         bsdf |= {"spec_trans": transmission, "two_sided": False}
-        # Glass has the index itself, not the reflectance that the level makes of it.
+        # Glass uses the index itself, not the reflectance derived from the level.
         bsdf.pop("specular", None)
         bsdf["ior"] = max(index, 1.0001)
         if is_glass and not keeps_energy(place.node):
             bsdf["multiple_scattering"] = False
         for name, is_there in (("coat", not _is_zero(coat)), ("specular tint", not is_white(tint))):
             if is_there:
-                reader.context.report.leave_out(f"{name} of node '{place.node.name}' of {reader.owner}, through "
-                                                "which light goes as well")
+                reader.context.report.leave_out(f"{name} of node '{place.node.name}' of {reader.owner}, "
+                                                "which also transmits light")
         bsdf |= film_over(reader, place) | _sheen(reader, place)
     else:
         bsdf |= _over(reader, place) | _sheen(reader, place)
@@ -80,19 +80,19 @@ def principled(reader, place):
     return bsdf, alpha, emission
 
 
-# What metals have not.
+# Fields that metals lack.
 IN_DIELECTRICS = ("spec_trans", "ior", "specular", "diffuse_roughness")
 
 
 def _half_metal(bsdf, share):
-    """A metal that loses what its microfacets send to each other, mixed with what is none and loses nothing."""
+    """A metal that loses the interreflection of its microfacets, mixed with a dielectric that loses nothing."""
     metal = {name: value for name, value in bsdf.items() if name not in IN_DIELECTRICS}
     metal |= {"metallic": constant(1.0), "multiple_scattering": False, "two_sided": True}
     return {"type": "blend", "weight": share, "materials": [bsdf | {"metallic": constant(0.0)}, metal]}
 
 
 def _reflection(normal):
-    """What is reflected head-on."""
+    """Reflectance at normal incidence."""
     if normal <= 0.08:
         return {"specular": constant(normal / 0.08)}
     root = min(normal, 0.9) ** 0.5
@@ -102,20 +102,19 @@ def _reflection(normal):
 def _stretched(reader, place, lets_through):
     fields = tangents.of_principled(reader, place)
     if fields and lets_through:
-        reader.context.report.note(f"{reader.owner}: light that goes through is scattered by direction as well, "
-                                   "as what is reflected")
+        reader.context.report.note(f"{reader.owner}: transmitted light is anisotropic, too, like reflected light")
     return fields
 
 
 def _subsurface(reader, place, surface):
-    """(function of the base colour, fields) where light sinks in; None where it does not."""
+    """(function of the base colour, fields) if there is subsurface scattering; otherwise None."""
     weight = reader.get(place, "Subsurface Weight")
     transmission, is_metal, normal, rough = surface
     if _is_zero(weight) or is_metal:
         return None
     if not _is_zero(transmission):
         reader.context.report.leave_out(f"subsurface scattering of node '{place.node.name}' of {reader.owner}, "
-                                        "through which light goes as well")
+                                        "which also transmits light")
         return None
     root = min(max(normal, 0.0), 0.9) ** 0.5
     roughness = float(rough.number()) if rough.is_constant else 0.5
@@ -133,7 +132,7 @@ def _subsurface(reader, place, surface):
 
 
 def _plastic(base, normal):
-    """A diffuse base below a smooth coat that reflects `normal` head-on: as Cycles' within 6 %."""
+    """A diffuse base below a smooth coat of normal reflectance `normal`: like Cycles' within 6 %."""
     root = min(normal, 0.9) ** 0.5
     return {"type": "plastic", "reflectance": base, "ior": (1.0 + root) / (1.0 - root), "two_sided": True}
 
@@ -143,7 +142,7 @@ def _is_zero(value):
 
 
 def _over(reader, place):
-    """A coat, a film, and the colour of the reflection."""
+    """A coat, a film, and the tint of the reflection."""
     def get(name):
         return reader.get(place, name)
 
@@ -155,7 +154,7 @@ def _over(reader, place):
         if not is_white(get("Coat Tint")):
             reader.context.report.leave_out(f"the coat's tint of node '{place.node.name}' of {reader.owner}")
         if _source(place, "Normal") != _source(place, "Coat Normal"):
-            # None of its own: the shape's.
+            # Without a normal of its own the coat has the shape's.
             fields["coat_turned"] = reader.turned(place, "Coat Normal") or {}
     fields |= film_over(reader, place)
     if tint is not None and not is_white(tint):
@@ -164,7 +163,7 @@ def _over(reader, place):
 
 
 def _source(place, name):
-    """The output that turns a normal, if one does."""
+    """The output linked to a normal input, if any."""
     socket = place.input(name)
     found = None if socket is None else follow(socket)
     is_turned = found is not None and found.socket.is_output and found.node.type not in ("NEW_GEOMETRY", "TEX_COORD")
@@ -172,12 +171,12 @@ def _source(place, name):
 
 
 def film_over(reader, place):
-    """Fields of a thin film, of any node that has one."""
+    """Fields of a thin film, for every node that has one."""
     film = reader.get(place, "Thin Film Thickness")
     if _is_zero(film):
         return {}
     ior = constant_of(reader, place, reader.get(place, "Thin Film IOR"), "the film's IOR", 1.33)
-    # Blender's are nanometres.
+    # Blender's values are in nanometres.
     return {"thin_film_thickness": calculate(lambda nanometres: 0.001 * nanometres, film),
             "thin_film_ior": min(max(ior, 1.0), 5.0)}
 

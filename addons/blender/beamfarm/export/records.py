@@ -10,12 +10,12 @@ from .values import NotShown, Value
 
 
 def color(value, context, owner, most=1.0):
-    """A colour or a texture; above `most` it is cut off, which is said. None for no limit."""
+    """A colour or a texture, cut off above `most`, which is reported. None for no limit."""
     if value.is_constant:
         numbers = value.color()
         limited = [max(number if most is None else min(number, most), 0.0) for number in numbers]
         if limited != numbers:
-            context.report.note(f"a colour of {owner} lies below 0 or above {most or 'all bounds'}: cut off there")
+            context.report.note(f"a colour of {owner} is below 0 or above {most or 'all bounds'}: cut off there")
         return limited[0] if limited[0] == limited[1] == limited[2] else limited
     return texture(value, context, owner, most)
 
@@ -28,7 +28,7 @@ def number(value, context, owner, low=0.0, high=1.0):
 
 
 def number_texture(value, context, owner, most=1.0):
-    """A texture where one number is wanted: of colours their luminance."""
+    """A texture where one number is wanted: colours are reduced to their luminance."""
     table = texture(value, context, owner, most)
     if table.get("channel") == "luminance":
         del table["channel"]
@@ -49,7 +49,7 @@ def texture(value, context, owner, most=1.0):
         if written is None:
             raise NotShown(f"image '{source.image.name}' has no pixels")
         path, raw = written
-        # Only a PNG keeps its opacity on the way.
+        # Only PNG files keep their opacity when copied.
         if source.channel != "a" or path.endswith(".png"):
             table = {"image": path} | ({"raw": True} if raw else {})
             return table | ({"channel": source.channel} if source.channel else {}) | value.lookup.record()
@@ -63,16 +63,16 @@ def texture(value, context, owner, most=1.0):
 
 
 class Graphs:
-    """Writes texture graphs: what Blender has a node for as a texture with a name, the rest where it is used."""
+    """Writes texture graphs: Blender's nodes as named textures, the rest where it is used."""
 
     def __init__(self, context, owner, volume=None):
-        """`volume`: the `spaces.Volume` that they are for, None for those of surfaces."""
+        """`volume`: the `spaces.Volume` that they are for, None for surfaces."""
         self.context = context
         self.owner = owner
         self.volume = volume
 
     def named(self, value, *parts):
-        """A graph as `{ texture = NAME }`; `parts`: its name, where Blender has no node for it."""
+        """A graph as `{ texture = NAME }`; `parts`: its name, if it is not one of Blender's nodes."""
         table = self.of_value(value)
         if "node" not in table:
             return table
@@ -90,7 +90,7 @@ class Graphs:
         return _times(table, value.special.get("scale", 1.0))
 
     def _picture(self, value, vector=None):
-        """An image, checkers or colours of vertices. `vector`: where an image is looked up, in the place of UV."""
+        """An image, checkers or vertex colours. `vector`: where an image is looked up, in place of UV."""
         write = number_texture if value.width == 1 else texture
         if value.lookup is not None and len(value.lookup.uv) == 3:
             vector = _around(value.lookup.uv)
@@ -98,7 +98,7 @@ class Graphs:
         where = {} if vector is None else {"vector": vector}
         low = self._lowest(value)
         if low < 0.0:
-            # Files have no numbers below 0.
+            # Image files have no numbers below 0.
             raised = replace(value, load=lambda: value.data - low, source=None)
             kind = "math" if value.width == 1 else "vector_math"
             table = write(raised, self.context, self.owner, None) | where
@@ -109,7 +109,7 @@ class Graphs:
         return _times(table | where, gain)
 
     def _lowest(self, value):
-        """The least of numbers that are baked."""
+        """The minimum of baked values."""
         is_file = value.source is not None and not value.source.image.is_float
         return 0.0 if value.special is not None or is_file else float(np.nan_to_num(value.data).min())
 
@@ -150,7 +150,7 @@ def _times(table, factor):
 
 
 def _around(turn):
-    """Where an image that is laid around the world is looked up, by a turn of its directions."""
+    """The lookup of an image that surrounds the world, with its directions rotated."""
     direction = {"node": "coordinates", "of": "generated"}
     matrix = [[*row, 0.0] for row in turn]
     if matrix != np.eye(3, 4).tolist():
@@ -159,7 +159,7 @@ def _around(turn):
 
 
 def equirectangular(direction):
-    """Place in an image of all around of a direction of length 1, as Cycles looks it up: +x in the middle."""
+    """Image coordinates in a panorama for a unit direction, as in Cycles: +x in the middle."""
     def number(axis):
         return {"node": "separate", "mode": "xyz", "value": direction, "output": axis}
 
@@ -171,7 +171,7 @@ def equirectangular(direction):
 
 
 def inputs_of(value):
-    """The values that a graph reads, and the nodes; of each one only once."""
+    """The values that a graph reads, and the nodes, each once."""
     waiting, seen = [value], set()
     while waiting:
         entry = waiting.pop()

@@ -1,4 +1,4 @@
-"""What turns the normals of a surface: normal maps, bumps, and its displacement."""
+"""What perturbs the normals of a surface: normal maps, bumps, and displacement."""
 
 from dataclasses import replace
 
@@ -12,10 +12,10 @@ from .values import NotShown, combine
 
 
 class ReliefReader(Reader):
-    """Reads what Normal and Displacement inputs are linked to."""
+    """Reads what is linked to Normal and Displacement inputs."""
 
     def turned(self, place, name="Normal"):
-        """`bump` or `normal_map` of a Normal input; None where nothing turns it."""
+        """`bump` or `normal_map` of a Normal input; None if nothing perturbs it."""
         socket = place.input(name)
         found = None if socket is None else follow(socket)
         if found is None or not found.socket.is_output:
@@ -41,7 +41,7 @@ class ReliefReader(Reader):
             return None
         strength = self.get(place, "Strength")
         if value.special is not None:
-            raise NotShown("normals that are no image")
+            raise NotShown("normals that are not from an image")
         if node.uv_map and value.lookup.uv_map and node.uv_map != value.lookup.uv_map:
             raise NotShown("tangents of another UV map than the image's")
         if strength.is_constant and strength.number() == 1.0 and value.source is not None and not value.source.channel:
@@ -76,7 +76,7 @@ class ReliefReader(Reader):
         return _over(bump, below)
 
     def true_displacement(self, place):
-        """`height`, `midlevel` and `scale` of a Displacement input; None where the report says why not."""
+        """`height`, `midlevel` and `scale` of a Displacement input; None if the report says why not."""
         found = follow(place)
         if found is None or not found.socket.is_output or found.node.mute:
             return None
@@ -93,7 +93,7 @@ class ReliefReader(Reader):
         return {"height": height, "midlevel": midlevel, "scale": scale, "in_world": found.node.space == "WORLD"}
 
     def displacement(self, place):
-        """`bump` of a Displacement input whose material is set to "Bump Only"; None where it is flat."""
+        """`bump` of a Displacement input whose material is set to "Bump Only"; None if it is flat."""
         found = follow(place)
         if found is None or not found.socket.is_output or found.node.mute:
             return None
@@ -144,7 +144,7 @@ def displaced(reader, surface, place, method):
 
 
 def _coats_over(reader, bsdf, turned):
-    """The same with coats of normals of their own over displacement that is bumps."""
+    """The same for coats with their own normals over displacement that is written as bumps."""
     if "materials" in bsdf:
         return bsdf | {"materials": [_coats_over(reader, part, turned) for part in bsdf["materials"]]}
     own = bsdf.get("coat_turned")
@@ -157,13 +157,14 @@ def _coats_over(reader, bsdf, turned):
 
 
 def _of_mesh(height):
-    """Whether heights are made of what a mesh holds, which displacement does not take."""
+    """Whether heights depend on mesh attributes, which displacement cannot use."""
     leaves = (leaf for _, leaf in inputs_of(height) if leaf is not None)
     return any(leaf.special is not None and "attribute" in leaf.special for leaf in leaves)
 
 
 def _over(upper, lower):
-    """Bumps over bumps, or over a normal map. What is turned twice by little is turned by the sum of the heights."""
+    """Bumps over bumps, or over a normal map. For small slopes, two perturbations equal one by the sum of the
+    heights."""
     if "bump" not in lower:
         return upper | lower
     if any(key in turned for turned in (upper, lower) for key in ("strength", "over", "normal_map")):

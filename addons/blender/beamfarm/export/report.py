@@ -1,8 +1,8 @@
-"""What the scene file lacks of the Blender scene, and what stands in it in another form."""
+"""What the scene file lacks compared with the Blender scene, and what it has in another form."""
 
 
 class Report:
-    """Two lists of lines, each line once, in the order in which they came up."""
+    """Two lists of lines, each line once, in order of occurrence."""
 
     def __init__(self):
         self._left_out = {}
@@ -10,15 +10,16 @@ class Report:
         self._notes = {}
 
     def leave_out(self, what):
-        """`what` is missing in the scene file."""
+        """`what` is missing from the scene file."""
         self._left_out[f"left out: {what}"] = None
 
     def comes_to_nothing(self, name, why):
-        """Nothing is seen of the object `name`. That is rarely missed, and comes after all that is."""
+        """Nothing is visible of the object `name`. This rarely matters, so it comes after everything that is
+        missing."""
         self._nothing[f"left out: object '{name}': {why}"] = None
 
     def note(self, what):
-        """`what` stands in the scene file, but not as in Blender."""
+        """`what` is in the scene file, but not as in Blender."""
         self._notes[what] = None
 
     @property

@@ -1,4 +1,4 @@
-"""Objects that have a surface as `[[shapes]]`."""
+"""Objects with a surface as `[[shapes]]`."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from .panes import Panes
 from .spaces import is_deformed, space_of
 from .transforms import matrix_step, solid, steps
 
-# So many copies of one mesh are shapes of their own, where their textures want that.
+# Up to this many copies of one mesh become separate shapes if their textures require it.
 MOST = 1000
 
 
@@ -25,11 +25,11 @@ class Group:
     placed: list
     geometry: Geometry
     slots: list
-    """(index of the slot, `materials.Slot`) for those that have triangles."""
+    """(index of the slot, `materials.Slot`) for the slots that have triangles."""
 
 
 class Shapes:
-    """Gathers objects while the depsgraph shows them, and adds their shapes when all are known."""
+    """Collects objects while the depsgraph shows them, and adds their shapes when all are known."""
 
     def __init__(self, context):
         self.context = context
@@ -37,10 +37,10 @@ class Shapes:
         self.panes = Panes()
 
     def add(self, placed):
-        """Takes a mesh object at its place. Returns why there is nothing of it, None where there is something."""
+        """Takes a mesh object at its place. Returns why nothing of it is visible, or None if something is."""
         placed.matrix = solid(placed.matrix)
         if placed.matrix is None:
-            return "its scale makes a line or a point of it"
+            return "its scale makes it a line or a point"
         placed.edge = edge_of(placed.object, placed.matrix, self.context)
         data = placed.object.data
         placed.mesh = (placed.uid, data.original.session_uid, data.as_pointer(), placed.instancer)
@@ -49,7 +49,7 @@ class Shapes:
             return without_faces(mesh) if slots == [] else None
 
     def _add_mesh(self, placed, mesh):
-        """Returns the slots that have triangles; None of what is not there at the first of several times."""
+        """Returns the slots that have triangles; None for what does not exist at the first of several times."""
         context, key, motion = self.context, placed.mesh, self.context.motion
         group = self.groups.get(key)
         if motion is not None and not motion.is_first:
@@ -91,7 +91,7 @@ class Shapes:
         return take(self.context, found)
 
     def _read(self, placed, geometry, material):
-        """The `Slot` of a material on an object, some of which may be baked."""
+        """The `Slot` of a material on an object, parts of which may be baked."""
         bakes = self.context.bakes
         if material is None or bakes is None:
             return slot(self.context, material)
@@ -104,7 +104,7 @@ class Shapes:
         return found
 
     def _write(self, group):
-        """Writes a group's files, while its mesh is at hand."""
+        """Writes a group's files while its mesh is available."""
         context, geometry = self.context, group.geometry
         if any(found.medium is not None or found.is_boundary or found.is_beneath for _, found in group.slots):
             geometry.is_closed()
@@ -147,7 +147,7 @@ class Shapes:
             shape = {"name": name, "type": "mesh", "file": file} | _look(found) | media
             shape |= displacement(found, placed, self.context)
             if found.is_beneath and len(group.slots) > 1 and group.geometry.is_closed():
-                # A part of what is closed: light goes in by one material and out by another.
+                # A part of a closed mesh: light enters through one material and leaves through another.
                 shape["open"] = True
             if found.own:
                 shape["space"] = space_of(placed, group.geometry.box)
@@ -162,17 +162,17 @@ class Shapes:
             context.add_shape(placed, shape, ("mesh", index), **source)
 
     def _is_alone(self, group, found):
-        """Whether each copy is a shape by itself, since its textures are of its own coordinates."""
+        """Whether each copy must be a separate shape because its textures use its own coordinates."""
         if not found.own:
             return False
         if len(group.placed) <= MOST:
             return True
-        self.context.report.leave_out(f"coordinates of their own for the {len(group.placed)} copies of "
-                                      f"'{group.placed[0].name}': their textures take those of the first")
+        self.context.report.leave_out(f"separate coordinates for the {len(group.placed)} copies of "
+                                      f"'{group.placed[0].name}': their textures use those of the first")
         return False
 
     def _shines_inside(self, group, placed):
-        """Whether what shines does so to both sides, as all does in Cycles: not where nobody can see the inside."""
+        """Whether an emitter shines on both sides, as all do in Cycles: not if nobody can see the inside."""
         if not group.geometry.is_closed():
             return True
         points, _ = group.geometry.triangles()
@@ -182,7 +182,7 @@ class Shapes:
         return any(all(low[i] < point[i] < high[i] for i in range(3)) for point in there)
 
     def _places(self):
-        """(`Placed`, where it is) of all, and where the camera is."""
+        """(`Placed`, position) for all places, and for the camera with None."""
         settings = self.context.settings
         camera = settings.view or (settings.camera or self.context.scene.camera)
         places = [(placed, placed.matrix.translation) for group in self.groups.values() for placed in group.placed]
@@ -202,7 +202,7 @@ class Shapes:
         context.add_copies([(placed, index) for placed, _ in entries], shape, "mesh", **source)
 
     def _name(self, placed):
-        """All slots of an object at one place have one name, as have all copies of instances."""
+        """All slots of an object at one place share a name, and so do all instances."""
         key = ("object", placed.key if placed.instancer is None else placed.mesh)
         name = self.context.names.get(key, placed.name)
         self.context.show(placed, name)
@@ -222,7 +222,7 @@ def _material(context, object, mesh, index):
     if override is not None:
         return override
     slots = object.material_slots
-    # An index beyond the last slot counts as the last, as in Blender.
+    # An index beyond the last slot counts as the last one, as in Blender.
     if len(slots):
         return slots[min(index, len(slots) - 1)].material
     materials = mesh.materials

@@ -1,6 +1,5 @@
-"""Sheen BSDF: Ashikhmin's by velvet, microfibers by sheen; what lies below the gloss of another shader by a diffuse
-lobe whose reflectance goes by the angle at which it is seen, as bright as Cycles' in light that is the same from all
-sides."""
+"""Sheen BSDF: Ashikhmin's as velvet, microfibers as sheen. Sheen below another shader's gloss becomes a diffuse lobe
+whose reflectance depends on the viewing angle, as bright as Cycles' in even light."""
 
 from functools import lru_cache
 
@@ -10,8 +9,8 @@ from .arithmetic import Node, calculate
 from .gloss import constant_of
 
 STOPS = 17
-# Share of even light that Cycles' microfibers send back: rows by the roughness, columns by the cosine to who looks at
-# them, both from 0 in steps of 0.1.
+# Share of even light that Cycles' microfibers reflect: rows by roughness, columns by the cosine to the viewer, both
+# from 0 in steps of 0.1.
 MICROFIBER = np.array([
     [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0],
     [0.561, 0.043, 0.002, 0, 0, 0, 0, 0, 0, 0, 0],
@@ -34,7 +33,7 @@ def sheen(reader, place):
 
 
 def diffuse(reader, place, kind, color, rough):
-    """Fields of a diffuse material in the place of a sheen of a kind."""
+    """Fields of a diffuse material in place of a kind of sheen."""
     rough = constant_of(reader, place, rough, "roughness", 0.5)
     shares = reflected(kind, round(min(max(rough, 0.0), 1.0), 3))
     stops = [[i / (STOPS - 1), *[float(f"{share:.4f}")] * 3] for i, share in enumerate(shares)]
@@ -45,13 +44,13 @@ def diffuse(reader, place, kind, color, rough):
     if not (color.is_constant and color.color() == [1.0, 1.0, 1.0]):
         value = calculate(lambda share, color: share * color, value, color)
     reader.context.report.note(f"{reader.owner}: the sheen of '{place.node.name}' is as bright as in Cycles under an "
-                               "even sky; of one lamp's light it sends back as much to all sides")
+                               "even sky; it reflects a single lamp's light equally to all sides")
     return {"type": "diffuse", "reflectance": value, "two_sided": True}
 
 
 @lru_cache(maxsize=32)
 def reflected(kind, rough):
-    """Share of even light that is sent back, by 1 - cos to who looks, from 0 to 1."""
+    """Share of even light that is reflected, by 1 - cos to the viewer, from 0 to 1."""
     cos = np.maximum(1.0 - np.arange(STOPS) / (STOPS - 1), 0.02)
     if kind == "MICROFIBER":
         row = min(int(rough * 10.0), 9)
@@ -61,7 +60,7 @@ def reflected(kind, rough):
 
 
 def _velvet(cos_o, rough, steps=96):
-    """M. Ashikhmin, S. Premoze, Distribution-based BRDFs, 2007, as Cycles has it: the integral over all light."""
+    """M. Ashikhmin, S. Premoze, Distribution-based BRDFs, 2007, as in Cycles: the integral over all light."""
     cos_i = ((np.arange(steps) + 0.5) / steps)[:, None]
     turn = np.pi * ((np.arange(steps) + 0.5) / steps)[None, :]
     sin_i, sin_o = np.sqrt(1.0 - cos_i**2), np.sqrt(1.0 - cos_o**2)

@@ -1,11 +1,11 @@
-"""What textures of an object's own coordinates need to know of it: `space` of a shape."""
+"""What textures in an object's own coordinates need to know about it: `space` of a shape."""
 
 # What other objects do not share.
 OWN = {"generated", "object", "normal", "object_info"}
 
 
 def reached(tables, textures):
-    """Names of the textures that tables take, and of those that these take."""
+    """Names of the textures that tables use, directly or through other textures."""
     found = {}
     waiting = [tables]
     while waiting:
@@ -22,7 +22,7 @@ def reached(tables, textures):
 
 
 def own_of(tables):
-    """What nodes of graphs and tangents in it ask of the object that they are on: "object_info" and coordinates."""
+    """What graph nodes and tangents in it require of their object: "object_info" and coordinates."""
     if isinstance(tables, dict):
         node = tables.get("node")
         asked = tables.get("of") if node == "coordinates" else node
@@ -34,8 +34,7 @@ def own_of(tables):
 
 
 def is_deformed(object):
-    """Whether modifiers or shape keys may have moved its vertices away from where Blender's generated coordinates still
-    have them."""
+    """Whether modifiers or shape keys may have moved its vertices, which Blender's generated coordinates ignore."""
     keys = getattr(object.data, "shape_keys", None)
     return keys is not None or any(modifier.type in DEFORMING and modifier.show_render for modifier in object.modifiers)
 
@@ -46,7 +45,7 @@ DEFORMING = {"ARMATURE", "CAST", "CLOTH", "CORRECTIVE_SMOOTH", "CURVE", "DISPLAC
 
 
 def space_of(placed, box):
-    """`space` of what is at a place; `box`: Blender's texture space, (lowest, highest) in the object's coordinates."""
+    """`space` of an object at a place; `box`: Blender's texture space, (lowest, highest) in object coordinates."""
     return {
         "matrix": to_object(placed),
         "box": [list(corner) for corner in box],
@@ -60,7 +59,7 @@ WORD = 0xFFFFFFFF
 
 
 def random_of(name):
-    """The 32 bits that Cycles gives an object which is no instance: hashes of its name and of 0."""
+    """The 32 bits that Cycles gives to an object that is no instance: hashes of its name and of 0."""
     key = 0
     for byte in name.encode():
         key = (key * 37 + byte) & WORD
@@ -85,14 +84,14 @@ def _mixed(first, second):
 
 def to_object(placed):
     """Rows of the matrix from the world to an object's coordinates."""
-    # With 0 in the place of -0.
+    # With 0 in place of -0.
     rows = [[float(number) + 0.0 for number in row] for row in placed.matrix.inverted_safe()]
     rows[3] = [0.0, 0.0, 0.0, 1.0]
     return rows
 
 
 class Volume:
-    """Where textures of a volume are read: in the world's coordinates alone, with the object's matrix."""
+    """Coordinates for textures of a volume: they are evaluated only in world space, with the object's matrix."""
 
     def __init__(self, placed, box):
         self.name = placed.name

@@ -1,4 +1,4 @@
-"""Which times a scene file is to tell of: those while the shutter of one frame is open, or all frames."""
+"""The times that a scene file covers: those while the shutter of one frame is open, or all frames."""
 
 import math
 from dataclasses import dataclass
@@ -17,30 +17,31 @@ def shutter_of(depsgraph):
 
 
 def now(depsgraph):
-    """The time that the scene shows."""
+    """The scene's present time."""
     scene = depsgraph.scene_eval
     return float(scene.frame_current) + float(scene.frame_subframe)
 
 
 @dataclass(frozen=True)
 class Exposure:
-    """While the shutter is open for one frame."""
+    """The time for which the shutter of one frame is open."""
 
     own: float
-    """The time that says what there is and what it is made of."""
+    """The time that decides what exists and what it is made of."""
     opens: float
     closes: float
     is_long = False
-    """Whether more than one frame is told of."""
+    """Whether it covers more than one frame."""
 
     @staticmethod
     def of(depsgraph):
-        """Of the frame that is shown; None without motion blur."""
+        """That of the present frame; None without motion blur."""
         shutter = shutter_of(depsgraph)
         return None if shutter is None else Exposure(now(depsgraph), *shutter)
 
     def times(self, steps):
-        """So many as Cycles looks at for these motion steps, none for 0: those of fewer steps are among them."""
+        """The times at which Cycles evaluates this many motion steps, none for 0: those of fewer steps are among
+        them."""
         count = 2**steps
         moments = [self.own + (self.opens + (self.closes - self.opens) * k / count) for k in range(count + 1)]
         return moments if steps else []
@@ -57,7 +58,7 @@ class Frames:
     """All frames from the first to the last."""
 
     own: float
-    """The first."""
+    """The first one."""
     last: int
     fps: float
     opens: float = 0.0
@@ -66,13 +67,13 @@ class Frames:
 
     @staticmethod
     def of(depsgraph):
-        """Those of the scene."""
+        """The scene's frames."""
         scene = depsgraph.scene_eval
         fps = scene.render.fps / scene.render.fps_base
         return Frames(float(scene.frame_start), scene.frame_end, fps, *(shutter_of(depsgraph) or (0.0, 0.0)))
 
     def times(self, _steps):
-        """One for each frame, and as far as the shutter goes."""
+        """One for each frame, and those that the shutter reaches."""
         first, last = math.floor(self.own + self.opens), math.ceil(self.last + self.closes)
         return [float(frame) for frame in range(first, max(last, first + 1) + 1)]
 
@@ -83,10 +84,10 @@ class Frames:
 
 
 def motion_of(object, parent=None):
-    """(motion steps, 0 for none; whether what vertices do is blurred) of an object, or of an instance of `parent`."""
+    """(motion steps, 0 for none; whether vertex motion is blurred) for an object, or for an instance of `parent`."""
     steps, deforms = 1, True
     for each in (object, parent):
-        # The copy that is evaluated may have them as they were before a change.
+        # The evaluated copy may still have their values from before a change.
         settings = None if each is None else getattr(each.original, "cycles", None)
         if settings is None:
             continue

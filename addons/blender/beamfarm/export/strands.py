@@ -7,13 +7,13 @@ from .names import file_name
 from .spaces import space_of
 from .transforms import solid, steps
 
-# What Cycles gives points of curves that have no radius.
+# Cycles' radius for points of curves without one.
 RADIUS = 0.005
 BOUNDARIES = {"dielectric", "rough_dielectric", "null"}
 
 
 def add_curves(placed, context):
-    """Adds a curves object. Returns why there is nothing of it."""
+    """Adds a curves object. Returns why nothing of it is visible."""
     data = placed.object.data
     slots = placed.object.material_slots
     material = slots[0].material if len(slots) else None
@@ -21,7 +21,7 @@ def add_curves(placed, context):
 
 
 def add_hair(placed, context):
-    """Adds the strands that particle systems of an object show. Returns whether there are any."""
+    """Adds the strands that an object's particle systems show. Returns whether there are any."""
     object, found = placed.object, False
     for number, system in enumerate(object.particle_systems):
         if system.settings.render_type != "PATH" or system.settings.type != "HAIR" or not _is_shown(object, system, context):
@@ -48,16 +48,16 @@ def _is_shown(object, system, context):
 def _add(placed, context, kind, material, read):
     placed.matrix = solid(placed.matrix)
     if placed.matrix is None:
-        return "its scale makes a line or a point of it"
+        return "its scale makes it a line or a point"
     override = context.depsgraph.view_layer_eval.material_override
     found = slot(context, override or material)
     found = found.pane or found
     if found.table["type"] == "null":
-        return "its material is nothing but a volume" if found.medium is not None else "nothing is to be seen of it"
+        return "its material is only a volume" if found.medium is not None else "nothing of it is visible"
     if _has_inside(found.table, found.extra):
-        return "its material is glass, which curves are not made of"
+        return "its material is glass, which curves cannot have"
     if found.attribute is not None:
-        return "its material takes attributes"
+        return "its material uses attributes"
     # At other times it is as at the first.
     key = (placed.uid, kind[1], kind, placed.instancer)
     if key not in context.geometries:
@@ -90,7 +90,7 @@ def _add(placed, context, kind, material, read):
 
 
 def _basis(scene):
-    """As Cycles takes the points of curves."""
+    """The basis that Cycles uses for the points of curves."""
     settings = getattr(scene, "cycles_curves", None)
     return "linear" if getattr(settings, "shape", "") == "THICK_LINEAR" else "catmull_rom"
 
@@ -123,7 +123,7 @@ def _curves_of(data):
 
 
 def _strands_of(system, object, context):
-    """As Cycles takes them (`ObtainCacheParticleData` of its `blender/curves.cpp`)."""
+    """Strands as Cycles reads them (`ObtainCacheParticleData` of its `blender/curves.cpp`)."""
     settings = system.settings
     in_render = context.depsgraph.mode == "RENDER"
     count = 2 ** (settings.render_step if in_render else settings.display_step) + 1
@@ -143,7 +143,7 @@ def _strands_of(system, object, context):
             places[i, step] = system.co_hair(object, particle_no=number, step=step)
     to_object = np.array(object.matrix_world.inverted_safe(), dtype=np.float64)
     places = places @ to_object[:3, :3].T + to_object[:3, 3]
-    # Strands that were cut short, or are not there, are all at one place.
+    # The points of strands that are cut or absent coincide.
     ways = np.linalg.norm(np.diff(places, axis=1), axis=2)
     length = ways.sum(axis=1)
     is_there = np.isfinite(length) & (length > 0.0)
@@ -166,7 +166,7 @@ def _radii(settings, along):
 
 
 def ply(places, radii, lengths):
-    """Bytes of a PLY file of curves with so many points each; those of less than two are none."""
+    """Bytes of a PLY file of curves with these numbers of points; those with fewer than two are left out."""
     if (lengths < 2).any():
         keep = np.repeat(lengths >= 2, lengths)
         places, radii, lengths = places[keep], radii[keep], lengths[lengths >= 2]

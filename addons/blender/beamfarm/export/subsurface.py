@@ -1,8 +1,8 @@
-"""Subsurface scattering: what of Cycles' random walks becomes the medium beneath a surface of the scene file.
+"""Subsurface scattering: turns Cycles' random walks into the medium below a surface of the scene file.
 
-Cycles lets light out diffusely, but in by refraction, so that less comes back than the colour says; the scene file's
-surface is diffuse both ways and sends back just its colour. What follows gives it the colour that Cycles comes to, on
-average over all directions, and its mean free path.
+Cycles lets light leave diffusely but enter by refraction, so less comes back than the colour says; the scene file's
+surface is diffuse both ways and reflects exactly its colour. The functions here give it Cycles' resulting colour,
+averaged over all directions, and its mean free path.
 """
 
 import math
@@ -15,19 +15,19 @@ from .gloss import constant_of
 from .facets import facets_towards
 from .values import NotShown, constant
 
-# Of the radius of a node it is this much that light flies, with the methods that keep to old looks.
+# Mean free path as a fraction of a node's radius, for the methods that keep older looks.
 RADIUS = 0.25 / np.pi
-# Skin is entered by light like this half of the time, diffusely else.
+# Light enters skin like this half of the time, and diffusely otherwise.
 SKIN_ROUGHNESS = 1.0
-# Scatterings after which Cycles gives up a walk.
+# Number of scatterings after which Cycles ends a walk.
 BOUNCES = 256
 LEAST = 1e-6
 
 
 def beneath(reader, place, method, interface):
-    """(function of the colour, fields) of a node's subsurface scattering; None where light does not get anywhere.
+    """(function of the colour, fields) for a node's subsurface scattering; None if light does not move at all.
 
-    `interface`: index of refraction and roughness of what light enters by.
+    `interface`: index of refraction and roughness of the surface that light enters through.
     """
     scale = _number(reader, place, _name(place, "Scale"), 1.0)
     radii = reader.get(place, _name(place, "Radius"))
@@ -36,13 +36,13 @@ def beneath(reader, place, method, interface):
     except NotShown:
         radii = None
     if radii is None:
-        reader.lack(place.node, "subsurface radii by texture: the usual ones count")
+        reader.lack(place.node, "subsurface radii from a texture: the default ones are used")
         radii = np.array([1.0, 0.2, 0.1])
     g = _number(reader, place, _name(place, "Anisotropy"), 0.0)
     g = float(np.clip(g, 0.0, 0.99))
     if method == "BURLEY":
-        reader.context.report.note(f"{reader.owner}: subsurface scattering by Christensen and Burley's profile is a "
-                                   "walk in a medium")
+        reader.context.report.note(f"{reader.owner}: subsurface scattering with Christensen and Burley's profile is a "
+                                   "random walk in a medium")
     index, roughness = interface
     is_skin = method == "RANDOM_WALK_SKIN"
     if is_skin:
@@ -53,7 +53,7 @@ def beneath(reader, place, method, interface):
     radii = np.maximum(radii * scale, 0.0)
     if float(radii.max(initial=0.0)) <= LEAST:
         return None
-    # Entrance, then what comes back of each colour.
+    # How light enters, then what comes back for each colour.
     way = (round(g, 4), round(roughness, 3), index, method == "BURLEY", is_skin)
     first, second, third, fourth = _fit(*way)
 
@@ -72,7 +72,7 @@ def beneath(reader, place, method, interface):
 
 
 def _number(reader, place, name, usual):
-    """The number of an input, the usual one where the method has no such input."""
+    """The number of an input, or the default if the method has no such input."""
     value = reader.get(place, name)
     return usual if value is None else constant_of(reader, place, value, name, usual)
 
@@ -82,10 +82,10 @@ def _name(place, name):
 
 
 def _skin(reader, place, index):
-    """Factors on the radii: from the dipole's exponent to the mean free path, by the colour.
+    """Factors on the radii, by colour: from the dipole's exponent to the mean free path.
 
-    Jensen et al., A practical model for subsurface light transport, SIGGRAPH 2001, with the ratio of what is reflected
-    inside by Egan and Hilgeman.
+    Jensen et al., A practical model for subsurface light transport, SIGGRAPH 2001, with Egan and Hilgeman's ratio for
+    internal reflection.
     """
     name = "Color" if place.node.type == "SUBSURFACE_SCATTERING" else "Base Color"
     value = reader.get(place, name).as_color()
@@ -103,7 +103,7 @@ def _skin(reader, place, index):
 
 @lru_cache(maxsize=256)
 def _fit(g, roughness, index, is_diffuse, is_skin):
-    """Coefficients of c, c^2, c^3 and c^4 of what comes back where the colour is c."""
+    """Coefficients of c, c^2, c^3 and c^4 of what comes back for the colour c."""
     colors = np.linspace(0.02, 0.98, 25)
     back = np.array([_sent_back(color, g, roughness, index, is_diffuse, is_skin) for color in colors])
     rows = np.stack([colors**power for power in range(4)], axis=1)
@@ -114,7 +114,7 @@ def _sent_back(color, g, roughness, index, is_diffuse, is_skin):
     if is_diffuse:
         return color
     albedo = _albedo(color, g)
-    # By similarity a medium that scatters alike to all sides.
+    # By similarity, an isotropic medium.
     albedo = albedo * (1.0 - g) / (1.0 - g * albedo)
     cosines, values = _entering(albedo)
     lost = _lost(albedo)
@@ -125,16 +125,17 @@ def _sent_back(color, g, roughness, index, is_diffuse, is_skin):
 
 
 def _lost(albedo):
-    """What does not come back over H: what is absorbed, and what would after more scatterings than Cycles follows.
+    """What does not come back, over H: what is absorbed, and what would return after more scatterings than Cycles
+    follows.
 
-    Of light that is never absorbed H / sqrt(4 pi n^3) comes back after n scatterings, if they are many.
+    Without absorption the share H / sqrt(4 pi n^3) comes back after n scatterings, for large n.
     """
     x = BOUNCES * (1.0 - albedo)
     return math.sqrt(1.0 - albedo) * math.erf(math.sqrt(x)) + math.exp(-x) / math.sqrt(math.pi * BOUNCES)
 
 
 def _albedo(color, g):
-    """Cycles' albedo of single scattering for a colour: the fit of Wrenninge, Villemin and Hery 2017 (Path Traced
+    """Cycles' single-scattering albedo for a colour: the fit of Wrenninge, Villemin and Hery 2017 (Path Traced
     Subsurface Scattering using Anisotropic Phase Functions and Non-Exponential Free Flights)."""
     a = _power_series(g, 1.8260523782, -1.28451056436, -1.79904629312, 9.19393289202, -22.8215585862, 32.0234874259,
                       -23.6264803333, 7.21067002658)
@@ -168,8 +169,8 @@ def _weights():
 
 
 def _entering(albedo):
-    """(cosines, H): Chandrasekhar's function of a half-space, so that 1 - sqrt(1 - albedo) H(cos) of the light that
-    flies into it at an angle comes out again (Radiative Transfer, 1960, section 38)."""
+    """(cosines, H): Chandrasekhar's function of a half-space, such that 1 - sqrt(1 - albedo) H(cos) of the light
+    entering at an angle comes out again (Radiative Transfer, 1960, section 38)."""
     cosines, weights = _nodes(), _weights()
     values = np.ones_like(cosines)
     kernel = cosines[None, :] / (cosines[:, None] + cosines[None, :])
@@ -180,7 +181,7 @@ def _entering(albedo):
 
 @lru_cache(maxsize=64)
 def _refracted(alpha, index):
-    """Cosines at which light flies on that comes from all sides and is refracted by microfacets."""
+    """Cosines of light from all directions after refraction by microfacets."""
     view, facet = facets_towards(alpha)
     between = sum(one * other for one, other in zip(view, facet))
     inside = np.sqrt(np.maximum(1.0 - (1.0 - between**2) / index**2, 0.0))
@@ -189,19 +190,19 @@ def _refracted(alpha, index):
 
 
 def is_beneath(table, others):
-    """Whether a material or one of its parts has a medium beneath."""
+    """Whether a material or one of its parts has a medium below it."""
     if table is None:
         return False
     return "subsurface" in table or any(is_beneath(others[name], others) for name in table.get("materials", ()))
 
 
 def is_in(bsdf):
-    """The same of the fields of a material as they are read."""
+    """The same for the fields of a material as they are read."""
     return bsdf is not None and ("subsurface" in bsdf or any(is_in(part) for part in bsdf.get("materials", ())))
 
 
 def without(bsdf):
-    """The same material with nothing beneath."""
+    """The same material without a medium below."""
     kept = {name: value for name, value in bsdf.items() if not name.startswith("subsurface")}
     if "materials" in kept:
         kept["materials"] = [without(part) for part in kept["materials"]]
@@ -211,7 +212,7 @@ def without(bsdf):
 
 
 def node(reader, place):
-    """Fields of a material of a Subsurface Scattering node."""
+    """Fields of a material for a Subsurface Scattering node."""
     color = reader.get(place, "Color")
     interface = _number(reader, place, "IOR", 1.4), _number(reader, place, "Roughness", 1.0)
     found = beneath(reader, place, place.node.falloff, interface)

@@ -31,7 +31,7 @@ class SurfaceReader(ReliefReader):
         if found is None or not found.socket.is_output or found.node.mute:
             return opaque(None)
         if found.socket.type != "SHADER":
-            # A colour in the place of a shader shines.
+            # A colour in place of a shader emits.
             return opaque(None, emission=scaled(self.value(place).as_color(), constant(1.0)))
         handler = SHADERS.get(found.node.type)
         if handler is None:
@@ -80,7 +80,7 @@ def _glass(reader, place):
     if not film:
         return opaque(dielectric(reader, place, rough, ior, color, color), turned=reader.turned(place))
     if not is_white(color):
-        reader.context.report.note(f"{reader.owner}: what glass beneath a film reflects is white")
+        reader.context.report.note(f"{reader.owner}: the reflection of glass below a film is white")
     bsdf = {
         "type": "principled",
         "base_color": calculate(lambda c: np.clip(c, 0.0, 1.0) ** 2, color),
@@ -96,7 +96,7 @@ def _glass(reader, place):
 def _refraction(reader, place):
     color, rough, ior = (reader.get(place, name) for name in ("Color", "Roughness", "IOR"))
     bsdf = dielectric(reader, place, rough, ior, constant(0.0, 0.0, 0.0), color)
-    reader.context.report.note(f"{reader.owner}: what Fresnel's law reflects is taken off '{place.node.name}'")
+    reader.context.report.note(f"{reader.owner}: Fresnel's reflection is subtracted from '{place.node.name}'")
     return opaque(bsdf, turned=reader.turned(place))
 
 
@@ -124,7 +124,7 @@ def _hair(reader, place):
 
 
 def _by_fresnel(reader, place):
-    """Surface of two shaders mixed by Fresnel's law, where they are what one material of the scene file is."""
+    """Surface for two shaders mixed by Fresnel's law, if the scene file has a material for it."""
     factor, *parts = (follow(Place(socket, place.groups)) for socket in place.node.inputs[:3])
     if any(part is None or not part.socket.is_output or part.node.mute for part in (factor, *parts)):
         return None
@@ -141,10 +141,10 @@ def _glass_of_two(reader, index, base, coat):
     inner, rough = reader.get(base, "IOR"), reader.get(base, "Roughness")
     shine = reader.get(coat, "Roughness")
     if not inner.is_constant or abs(inner.number() - index) > 0.01:
-        note = f"{reader.owner}: refracts and reflects by the index {index:.3g} of its Fresnel node"
+        note = f"{reader.owner}: refracts and reflects with the index {index:.3g} of its Fresnel node"
         reader.context.report.note(note)
     if not (rough.is_constant and shine.is_constant and abs(rough.number() - shine.number()) < 1e-3):
-        reader.context.report.note(f"{reader.owner}: reflects with the roughness with which it refracts")
+        reader.context.report.note(f"{reader.owner}: reflects with the roughness of its refraction")
     _leave_out_anisotropy(reader, coat)
     bsdf = dielectric(reader, base, rough, constant(index), reader.get(coat, "Color"), reader.get(base, "Color"))
     return opaque(bsdf, turned=reader.turned(base) or reader.turned(coat))
@@ -162,7 +162,7 @@ def _plastic_of_two(reader, index, base, coat):
     _leave_out_anisotropy(reader, coat)
     rough_base = reader.get(base, "Roughness")
     if not rough_base.is_constant or rough_base.number() != 0.0:
-        reader.context.report.note(f"{reader.owner}: the roughness of '{base.node.name}' does not count below a coat")
+        reader.context.report.note(f"{reader.owner}: the roughness of '{base.node.name}' is ignored below a coat")
     color, shine = reader.get(base, "Color"), reader.get(coat, "Color")
     bsdf = {"type": "plastic", "ior": index, "reflectance": color, "two_sided": True}
     if not is_white(shine):
@@ -172,12 +172,12 @@ def _plastic_of_two(reader, index, base, coat):
         bsdf |= {"type": "rough_plastic", "alpha": alpha}
         if getattr(coat.node, "distribution", "GGX") == "BECKMANN":
             bsdf["distribution"] = "beckmann"
-    reader.context.report.note(f"{reader.owner}: diffuse and glossy mixed by Fresnel's law count as plastic")
+    reader.context.report.note(f"{reader.owner}: diffuse and glossy mixed by Fresnel's law become plastic")
     turned = reader.turned(base) or reader.turned(coat)
     return opaque(bsdf, turned=turned)
 
 
-# Above it the scene file's plastic keeps too much of the light.
+# Above this roughness the scene file's plastic keeps too much of the light.
 PLASTIC_ROUGHNESS = 0.3
 
 
@@ -207,8 +207,8 @@ def _factor(reader, place):
     socket = Place(place.node.inputs[0], place.groups)
     found = follow(socket)
     if found is not None and found.node.type == "LIGHT_PATH" and found.socket.name == "Is Shadow Ray":
-        reader.context.report.note(f"{reader.owner}: what lets light through for its shadow alone stands in for "
-                                   "caustics, which there are here")
+        reader.context.report.note(f"{reader.owner}: transparency for shadow rays alone is ignored: caustics "
+                                   "are rendered here")
         return constant(0.0)
     return reader.value(socket).as_float()
 
@@ -222,7 +222,7 @@ def _principled(reader, place):
     turned = reader.turned(place)
     if alpha.is_constant and alpha.number() >= 1.0:
         return Surface(bsdf, constant(1.0), emission, turned)
-    # Cycles takes alpha off what shines as well.
+    # Cycles multiplies emission by alpha as well.
     return Surface(bsdf, alpha, scaled(emission, alpha), turned)
 
 
@@ -246,7 +246,7 @@ SHADERS = {
 
 
 def read_surface(context, material, owner, scope, bake=None, bakes_attributes=False):
-    """Surface of a Blender material. `bake`, `bakes_attributes`: those of a `Reader`."""
+    """Surface of a Blender material. `bake`, `bakes_attributes`: as in `Reader`."""
     if not material.use_nodes or material.node_tree is None:
         value = constant(*material.diffuse_color[:3])
         return opaque({"type": "diffuse", "reflectance": value, "two_sided": True})

@@ -1,4 +1,4 @@
-"""Microfacets that are rougher in one direction than in another: how much, and along which tangent."""
+"""Anisotropic microfacets: how much, and along which tangent."""
 
 from dataclasses import dataclass
 
@@ -12,13 +12,13 @@ from .values import constant
 
 @dataclass(frozen=True)
 class AlongUv:
-    """A tangent along the u of a UV map, "" being the active one: what the scene file has where it says nothing."""
+    """A tangent along the u of a UV map, "" being the active one, which is the scene file's default."""
 
     uv_map: str
 
 
 def is_even(value):
-    """Whether an input of anisotropy does nothing."""
+    """Whether an input of anisotropy has no effect."""
     return value is None or (value.is_constant and value.number() == 0.0)
 
 
@@ -31,7 +31,7 @@ def of_principled(reader, place):
 
 
 def of_glossy(reader, place, rough):
-    """Roughness of a Glossy BSDF: smoother along the tangent where its anisotropy is above 0."""
+    """Roughness of a Glossy BSDF: smoother along the tangent if its anisotropy is above 0."""
     fields = microfacets(reader, place, rough)
     amount = reader.get(place, "Anisotropy")
     if is_even(amount):
@@ -47,9 +47,9 @@ def of_glossy(reader, place, rough):
     return fields | _turned(reader, place, "Rotation") | _tangent(reader, place)
 
 
-# Of Cycles.
+# Cycles' limit.
 MOST = 0.99
-# What the scene file takes.
+# The scene file's limits.
 ALPHA = (0.001, 100.0)
 
 
@@ -61,7 +61,7 @@ def _turned(reader, place, name):
 
 
 def _tangent(reader, place):
-    """What a Tangent input is linked to; Cycles's own tangents go around the z axis."""
+    """What a Tangent input is linked to; Cycles' own tangents go around the z axis."""
     socket = place.input("Tangent")
     found = None if socket is None else follow(socket)
     if found is None or not found.socket.is_output or found.node.mute:
@@ -72,5 +72,5 @@ def _tangent(reader, place):
             return {"tangent": AlongUv(node.uv_map)}
         return {"tangent": f"around_{node.axis.lower()}"}
     if (node.type, found.socket.name) != ("NEW_GEOMETRY", "Tangent"):
-        reader.lack(node, "as a tangent, which is around the z axis in its place")
+        reader.lack(node, "as a tangent; one around the z axis is used")
     return {"tangent": "around_z"}

@@ -1,4 +1,4 @@
-"""Nodes of Blender as nodes of texture graphs, for what is neither constant nor one image."""
+"""Blender's nodes as nodes of texture graphs, for what is neither constant nor one image."""
 
 import math
 
@@ -16,7 +16,7 @@ GREY, DARK = (0.8, 0.8, 0.8), (0.2, 0.2, 0.2)
 
 
 def made(reader, place, kind, fields, output=None, is_inline=False, uv_map=None):
-    """`Value` of an output of a node that stands for Blender's. `is_inline`: written where it is used."""
+    """`Value` for an output of a node that stands for Blender's. `is_inline`: written where it is used."""
     names = tuple(group.name for group in place.groups) + (place.node.name,)
     parts = () if is_inline else (reader.scope, *names)
     node = Node(kind, fields, parts, (reader.owner, *names), uv_map)
@@ -29,7 +29,7 @@ def word(text):
 
 
 def taken(reader, place, names):
-    """Inputs of a node that are not as the scene file takes them: {field: (Blender's name or index, default)}."""
+    """Inputs of a node that differ from the scene file's defaults: {field: (Blender's name or index, default)}."""
     fields = {}
     for name, (socket, default) in names.items():
         at = _input(place, socket)
@@ -56,8 +56,8 @@ def coordinates(reader, place, of, uv_map=None):
 
 
 def vector_of(reader, place, otherwise="generated"):
-    """Where a texture is looked up; {} for one without a place, as of one dimension. Raises `NotShown` where the scene
-    file has no word for it. `otherwise`: what is taken where nothing is linked, None for the numbers that stand there.
+    """Where a texture is looked up; {} for one without a position, such as a one-dimensional one. Raises `NotShown` if
+    the scene file cannot express it. `otherwise`: used if nothing is linked, None for the input's own numbers.
     """
     at = place.input("Vector")
     if at is None:
@@ -77,7 +77,7 @@ def named(**numbers):
 
 
 def _textured(kind, inputs, outputs, options=lambda node: {}):
-    """Handler of a texture with a Vector input."""
+    """Handler for a texture with a Vector input."""
 
     def handler(reader, place):
         fields = vector_of(reader, place) | taken(reader, place, inputs) | options(place.node)
@@ -87,7 +87,7 @@ def _textured(kind, inputs, outputs, options=lambda node: {}):
 
 
 def _plain(kind, inputs, outputs=None, options=lambda node: {}):
-    """Handler of a node whose inputs are as in the scene file."""
+    """Handler for a node whose inputs are as in the scene file."""
 
     def handler(reader, place):
         fields = taken(reader, place, inputs) | options(place.node)
@@ -97,12 +97,12 @@ def _plain(kind, inputs, outputs=None, options=lambda node: {}):
 
 
 def _output(place, outputs):
-    """Name of an output by that of the socket, None for the first."""
+    """Name of an output from that of the socket, None for the first."""
     return outputs.get(place.socket.name)
 
 
 def _unless(default, **options):
-    """Options that are not the default."""
+    """Options that differ from the default."""
     return {name: value for name, value in options.items() if value != default.get(name)}
 
 
@@ -118,7 +118,7 @@ def _voronoi(node):
     if node.voronoi_dimensions == "1D":
         metric = {}
     normalize = {} if node.feature == "N_SPHERE_RADIUS" else {"normalize": node.normalize}
-    # Cells lie elsewhere since Blender 5.0, but in one dimension.
+    # The cells have moved since Blender 5.0, except in one dimension.
     is_old = bpy.app.version < (5, 0, 0) and node.voronoi_dimensions != "1D"
     return _unless(
         {"dimensions": "3d", "feature": "f1", "metric": "euclidean", "normalize": False},
@@ -169,7 +169,7 @@ def _uv_map(reader, place):
 
 
 def _told(kind, outputs):
-    """Handler of a node that has no inputs."""
+    """Handler for a node without inputs."""
 
     def handler(reader, place):
         name = place.socket.name
@@ -197,7 +197,7 @@ def _camera(reader, place):
 
 
 def _by_view(kind, inputs, outputs):
-    """Handler of Fresnel and Layer Weight."""
+    """Handler for Fresnel and Layer Weight."""
     plain = _plain(kind, inputs, outputs)
 
     def handler(reader, place):
@@ -212,7 +212,7 @@ def _by_view(kind, inputs, outputs):
 
 
 def _by_normal(reader, place):
-    """Fresnel or Layer Weight by another normal than the surface's."""
+    """Fresnel or Layer Weight with a normal other than the surface's."""
     normal = reader.linked(follow(place.input("Normal")))
     if place.node.type == "FRESNEL":
         return by_normal.fresnel(normal, reader.get(place, "IOR"))
@@ -225,7 +225,7 @@ def _by_normal(reader, place):
 
 
 def _unturned(reader, place):
-    """The normal of a Bump that has no heights."""
+    """The normal of a Bump without heights."""
     height = reader.get(place, "Height")
     if not height.is_constant:
         raise NotShown("a normal as a value")
@@ -237,12 +237,12 @@ def _unturned(reader, place):
 
 
 def degrees(reader, place, name):
-    """An input that is an angle, or three; None for 0."""
+    """An input that is one angle, or three; None for 0."""
     value = reader.get(place, name)
     if value is None:
         return None
     if value.is_constant:
-        # As numbers of 32 bits: 20 degrees are 20 again.
+        # As 32-bit numbers, so that 20 degrees are 20 again.
         numbers = [float(np.float32(math.degrees(number))) for number in value.data]
         return constant(*numbers) if any(numbers) else None
     fields = {"a": value, ("b" if value.width == 1 else "scale"): math.degrees(1.0)}
@@ -297,7 +297,7 @@ def _ramp(reader, place):
 
 
 def _curves(kind, inputs, names):
-    """Handler of curves. `names`: fields in the order of Blender's curves."""
+    """Handler for curves. `names`: fields in the order of Blender's curves."""
 
     def handler(reader, place):
         mapping = place.node.mapping
@@ -313,8 +313,7 @@ def _curves(kind, inputs, names):
 
 
 def _points(mapping, curve):
-    """Points between which a curve goes straight, and beyond which it goes on as at its ends; None for what is as it
-    was."""
+    """Points of the linear segments of a curve, which continues beyond them as at its ends; None for the identity."""
     low, high = curve.points[0].location.x, curve.points[-1].location.x
     if high <= low:
         return [[low, mapping.evaluate(curve, low)], [low + 1.0, mapping.evaluate(curve, low)]]
@@ -466,7 +465,7 @@ GRAPHS = {
     "BLACKBODY": _plain("blackbody", {"temperature": (0, 6500.0)}),
 }
 
-# Where there is no surface.
+# Nodes that need a surface.
 OF_SURFACES = {"TEX_IMAGE", "TEX_COORD", "UVMAP", "NEW_GEOMETRY", "OBJECT_INFO", "LIGHT_PATH", "CAMERA", "FRESNEL",
                "LAYER_WEIGHT", "BUMP"}
 ANYWHERE = {kind: handler for kind, handler in GRAPHS.items() if kind not in OF_SURFACES}

@@ -1,14 +1,14 @@
 """What is seen through surfaces that only tint light.
 
-For Cycles a ray that a Transparent shader lets through stays the ray that it was: the camera does not see through a
-tinted shade what it does not see. In the scene file that ray is a refracted one.
+In Cycles a ray that passes a Transparent shader keeps its type: the camera does not see through a tinted surface what
+it does not see directly. In the scene file that ray is a refracted one.
 """
 
 REFRACTING = {"dielectric", "rough_dielectric", "thin_dielectric", "principled"}
 
 
 def add_rules(context):
-    """Has tinted surfaces show what the camera sees."""
+    """Makes tinted surfaces show what the camera sees."""
     shapes = {}
     for shape in context.shapes:
         material = (shape.get("shape") or shape).get("material")
@@ -36,7 +36,7 @@ def _names(things):
 
 
 def _parts(materials, name):
-    """Which of "tint" and "glass" a material lets light through by."""
+    """Which of "tint" and "glass" a material transmits light by."""
     table = materials[name]
     if table["type"] == "blend":
         return {kind for part in table["materials"] for kind in _parts(materials, part)}

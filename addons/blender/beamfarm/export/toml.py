@@ -1,4 +1,4 @@
-"""TOML from dicts, lists, texts, numbers and truth values. Floats are written so that they read back with all bits."""
+"""TOML from dicts, lists, strings, numbers and booleans. Floats are written so that they read back exactly."""
 
 import math
 import re
@@ -11,7 +11,7 @@ LINE = 110
 
 
 def document(tables):
-    """Text of a dict of tables; a list of dicts is an array of tables, as is a dict of dicts a table of tables."""
+    """Text of a dict of tables; a list of dicts is an array of tables, and a dict of dicts a table of tables."""
     parts = []
     for name, value in tables.items():
         if isinstance(value, list):
@@ -69,6 +69,6 @@ def inline(value):
 def number(value):
     if not math.isfinite(value):
         raise ValueError(f"{value} is no number for a scene")
-    # Most numbers of Blender have 24 bits: the shortest text that gives these back.
+    # Most of Blender's numbers are single precision: the shortest text that reads back as these.
     short = np.float32(value) if abs(value) < 3e38 else value
     return repr(float(str(short))) if float(short) == value else repr(value)

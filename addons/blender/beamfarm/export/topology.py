@@ -1,10 +1,10 @@
-"""Whether meshes are closed. Vertices at one place count as one."""
+"""Whether meshes are closed. Coincident vertices count as one."""
 
 import numpy as np
 
 
 def is_closed(arrays):
-    """True where each edge lies between two triangles that wind the same way, vertices at one place being one."""
+    """Whether each edge lies between two triangles with the same winding; coincident vertices count as one."""
     if len(arrays.corners) == 0:
         return False
     edges = _edges(_welded(arrays))
@@ -15,9 +15,9 @@ def is_closed(arrays):
 
 
 def open_slots(arrays):
-    """The slots whose triangles hang together with an edge that only one triangle has, as a set."""
+    """The set of slots whose triangles are connected to an edge that only one triangle has."""
     triangles = _welded(arrays)
-    # What is only a line has no side.
+    # Triangles that are only a line have no side.
     keeps = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
     triangles, slots = triangles[keeps], arrays.slots[keeps]
     edges = np.sort(_edges(triangles), axis=1)
@@ -34,8 +34,8 @@ def open_slots(arrays):
 
 
 def _welded(arrays):
-    """Vertices of triangles, numbered by where they are."""
-    # Not apart because of the sign of a zero.
+    """Triangles' vertices, numbered by position."""
+    # Zeros of either sign are the same position.
     places = np.ascontiguousarray(arrays.positions + np.float32(0.0))
     _, welded = np.unique(places.view("V12").ravel(), return_inverse=True)
     return welded.ravel()[arrays.vertex_of[arrays.corners]].astype(np.int64)
@@ -46,14 +46,14 @@ def _edges(triangles):
 
 
 def _parts(edges, count):
-    """For each vertex the lowest number of those that it hangs together with."""
+    """For each vertex, the lowest number of those that it is connected to."""
     part_of = np.arange(count)
     while True:
         low = part_of[edges].min(axis=1)
         before = part_of.copy()
         np.minimum.at(part_of, part_of[edges[:, 0]], low)
         np.minimum.at(part_of, part_of[edges[:, 1]], low)
-        # To the end of the way, so that few rounds are enough.
+        # Follow the whole chain, so that few rounds are enough.
         while not np.array_equal(part_of, part_of[part_of]):
             part_of = part_of[part_of]
         if np.array_equal(part_of, before):

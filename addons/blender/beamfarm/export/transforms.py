@@ -3,12 +3,12 @@
 import numpy as np
 from mathutils import Matrix
 
-# A scale of 0 becomes so much of the largest one: the scene file's transforms can be inverted.
+# A scale of 0 becomes this fraction of the largest one: the scene file's transforms must be invertible.
 THIN = 1e-4
 
 
 def solid(matrix):
-    """`matrix`, where it makes all flat with a little thickness; None where it makes a line or a point of all."""
+    """`matrix`, with a little thickness if it is flat; None if it maps everything to a line or a point."""
     left, sizes, right = np.linalg.svd(np.array(matrix.to_3x3(), dtype=np.float64))
     if not np.isfinite(sizes).all() or sizes[1] <= THIN * 0.1 * sizes[0]:
         return None
@@ -21,7 +21,7 @@ def solid(matrix):
 
 
 def matrix_step(matrix):
-    """`{ matrix = ... }` of a 4 x 4 matrix; its last row is exact, whatever rounding left in it."""
+    """`{ matrix = ... }` for a 4 x 4 matrix; its last row is exact, without rounding."""
     rows = [[float(number) for number in row] for row in matrix]
     rows[3] = [0.0, 0.0, 0.0, 1.0]
     return {"matrix": rows}
@@ -32,5 +32,5 @@ def is_identity(matrix):
 
 
 def steps(matrix):
-    """List of steps; empty where there is nothing to do."""
+    """List of steps; empty for the identity."""
     return [] if is_identity(matrix) else [matrix_step(matrix)]

@@ -1,16 +1,16 @@
-"""What sockets of a node tree hold: numbers and colours, the same everywhere or by the pixels of one image."""
+"""Values of a node tree's sockets: numbers and colours, constant or from the pixels of one image."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-# Rec. 709, as Blender's conversion from colours to numbers.
+# Rec. 709, as in Blender's conversion from colours to numbers.
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 
 
 class NotShown(Exception):
-    """A value that the scene file cannot say; the message says what is in the way."""
+    """A value that the scene file cannot express; the message says what is in the way."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Lookup:
     """How an image is looked up."""
 
     uv: tuple = ()
-    """2 x 3 numbers that (u, v, 1) goes through, or nothing."""
+    """2 x 3 numbers that transform (u, v, 1), or None."""
     uv_map: str = ""
     filter: str = "bilinear"
     wrap: str = "repeat"
@@ -36,31 +36,32 @@ class Lookup:
 
 @dataclass(frozen=True)
 class Source:
-    """An image of Blender as it is, or one channel of it: "r", "g", "b", "a", or "luminance"."""
+    """An image of Blender, or one channel of it: "r", "g", "b", "a", or "luminance"."""
 
     image: object
     path: str
     channel: str | None = None
     gain: float = 1.0
-    """What the image's colours are multiplied by."""
+    """The factor on the image's colours."""
 
 
 @dataclass
 class Value:
-    """A constant, the pixels of an image, or what else the scene file knows as a texture."""
+    """A constant, the pixels of an image, or another texture that the scene file has."""
 
     load: object
-    """Function that gives the array: one number or three along its last axis, before it an image's height and width."""
+    """Function that gives the array: one number or three along its last axis, preceded by an image's height and
+    width."""
     width: int
     """1 or 3."""
     lookup: Lookup | None = None
     source: Source | None = None
     special: dict | None = None
-    """A texture of the scene file that is no image: checkers, colours of vertices by the attribute `name`, or an output
-    of an `arithmetic.Node`."""
+    """A texture of the scene file that is no image: checkers, vertex colours from the attribute `name`, or an output of
+    an `arithmetic.Node`."""
     name: str = "baked"
     is_vector: bool = False
-    """Becomes a number by its mean, not by its luminance."""
+    """Converted to a number by its mean, not its luminance."""
 
     @cached_property
     def data(self):
@@ -71,7 +72,7 @@ class Value:
         return self.special is None and self.lookup is None
 
     def number(self):
-        """The one number of a constant."""
+        """The single number of a constant."""
         return float(self.as_float().data[0])
 
     def color(self):
@@ -102,7 +103,7 @@ def constant(*numbers, is_vector=False):
 
 
 def combine(function, *values):
-    """`function` of the values' arrays, pixel by pixel; values by image must be looked up alike."""
+    """`function` of the values' arrays, pixel by pixel; values from images must have the same lookup."""
     lookups = []
     for value in values:
         if value.special is not None:
@@ -126,7 +127,7 @@ def combine(function, *values):
 
 
 def _resized(array, size):
-    """The pixels at another size, each the nearest one."""
+    """The pixels at another size, by nearest neighbour."""
     rows = (np.arange(size[0]) * array.shape[0]) // size[0]
     columns = (np.arange(size[1]) * array.shape[1]) // size[1]
     return array if array.shape[:2] == size else array[rows][:, columns]

@@ -2,7 +2,7 @@
 
 
 def rays(object, instancer, context):
-    """List for `visible`; None where all rays see it. What does not see the instancer does not see its instances."""
+    """List for `visible`; None if all rays see it. Rays that do not see the instancer do not see its instances."""
 
     def sees(name):
         return getattr(object, name) and (instancer is None or getattr(instancer, name))
@@ -16,17 +16,18 @@ def rays(object, instancer, context):
     }
     if sees("visible_diffuse") != sees("visible_volume_scatter"):
         context.report.note(
-            f"object '{object.name}': rays of diffuse surfaces and of volumes see it alike, both or neither"
+            f"object '{object.name}': diffuse and volume rays either both see it or neither does"
         )
     if not flags["photon"]:
-        context.report.note(f"object '{object.name}': what is not seen by diffuse rays gets no light by way of others")
+        context.report.note(f"object '{object.name}': diffuse rays do not see it, so it gets no indirect light")
     if not flags["shadow"] and flags["photon"]:
-        context.report.note(f"object '{object.name}': it casts no shadow, but is in the way of light that bounces")
+        context.report.note(f"object '{object.name}': it casts no shadow, but blocks indirect light")
     return None if all(flags.values()) else [name for name, is_seen in flags.items() if is_seen]
 
 
 def light_rays(light, context):
-    """The same for lights: `shadow` and `photon` are how it lights at all, which here goes by diffuse visibility."""
+    """The same for lights: `shadow` and `photon` control whether it lights at all, and follow diffuse visibility
+    here."""
     flags = {
         "camera": light.visible_camera,
         "reflected": light.visible_glossy,
@@ -35,5 +36,5 @@ def light_rays(light, context):
         "photon": light.visible_diffuse or light.visible_volume_scatter,
     }
     if light.visible_diffuse != light.visible_volume_scatter:
-        context.report.note(f"light '{light.name}': it lights surfaces and volumes by photons alike")
+        context.report.note(f"light '{light.name}': its photons light both surfaces and volumes")
     return None if all(flags.values()) else [name for name, is_seen in flags.items() if is_seen]

@@ -10,7 +10,7 @@ from .transforms import matrix_step
 
 
 def add_volume(placed, context):
-    """Adds a volume object: a medium by its file in a box that has it all."""
+    """Adds a volume object: a medium from its file in a box that contains it."""
     object, report = placed.object, context.report
     volume = object.data
     material = object.material_slots[0].material if len(object.material_slots) else None
@@ -40,12 +40,12 @@ def add_volume(placed, context):
         medium_grid = medium.grid
     by_grid = medium.glow is not None and {medium.glow.grid, medium.glow.temperature} & set(grids)
     if medium_grid is None and not by_grid:
-        report.leave_out(f"volume '{object.name}', whose material looks up no grid of its file")
+        report.leave_out(f"volume '{object.name}', whose material uses no grid of its file")
         return
     name = context.names.get(("object", placed.key), object.name)
     context.show(placed, name)
     file = context.files.copy("volumes", file_name(path.stem), ".vdb", path)
-    # Coefficients belong to lengths of the object's own space, unless it is told otherwise.
+    # Coefficients are per length in object space, unless set otherwise.
     if volume.render.space == "OBJECT":
         length = (placed.matrix.to_3x3() @ Vector((1.0, 1.0, 1.0)).normalized()).length
         medium = medium.scaled(1.0 / length if length > 0.0 else 1.0)
@@ -64,7 +64,7 @@ def add_volume(placed, context):
     corners = [Vector(corner) for corner in object.bound_box]
     low = Vector(min(corner[i] for corner in corners) for i in range(3))
     high = Vector(max(corner[i] for corner in corners) for i in range(3))
-    # A little larger, so that the faces of a cube of fog around it are not met at the same place.
+    # Slightly larger, so that its faces do not coincide with those of a fog cube around it.
     half = (high - low) * 0.5 * 1.0001
     box = Matrix.Translation((low + high) * 0.5) @ Matrix.Diagonal((*half, 1.0))
     shape = {"name": name, "type": "cube", "material": material_name, "interior": medium_name}

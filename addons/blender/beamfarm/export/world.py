@@ -1,4 +1,4 @@
-"""The world's shader as a light from all around, and its volume."""
+"""The world's shader as an environment light, and its volume."""
 
 from dataclasses import replace
 
@@ -21,8 +21,8 @@ from .transforms import matrix_step
 from .texture_nodes import ANYWHERE, coordinates, made, vector_of
 from .values import Lookup, NotShown, Source, Value
 
-# Cycles' image of the surroundings has +z at the top and +x in the middle, its left quarter is +y; the scene file's has
-# +y at the top and +z in the middle, its left quarter is +x.
+# Cycles' panorama has +z at the top, +x in the middle and +y a quarter from the left; the scene file's has +y at the
+# top, +z in the middle and +x a quarter from the left.
 STANDS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
@@ -40,13 +40,13 @@ class WorldReader(SurfaceReader):
     """Reads the surface of a world; images are looked up by direction."""
 
     sees_surface = False
-    # What lights the scene counts for more than what is seen behind it.
+    # What lights the scene matters more than what is seen behind it.
     sees_path, rays_of_path = "Is Diffuse Ray", "for those that light the scene"
 
     def __init__(self, context, owner, scope, rays):
         super().__init__(context, owner, scope)
         self.rays = rays
-        """The kind of rays, of `PATHS`, that are read for."""
+        """The kind of rays, of `PATHS`, that it reads for."""
 
     def light_path(self, place):
         name = place.socket.name
@@ -60,7 +60,7 @@ class WorldReader(SurfaceReader):
         if place.node.type == "TEX_SKY":
             return replace(self.sky(place), lookup=Lookup(self._directions(place.input("Vector"))))
         if place.node.type in ("TEX_IMAGE", "TEX_CHECKER"):
-            raise NotShown("an image that is not laid around the world")
+            raise NotShown("an image that is not projected around the world")
         return super()._of(place)
 
     def surface(self, place):
@@ -87,7 +87,7 @@ class WorldReader(SurfaceReader):
         return Value(lambda: pixels(image)[..., :3], 3, lookup, Source(image, path), name=image.name)
 
     def sky(self, place):
-        """A Sky Texture as an image around the world."""
+        """A Sky Texture as a panorama."""
         found = sky_of(place.node)
         if found is None:
             raise NotShown("the sky of Hosek and Wilkie")
@@ -95,11 +95,11 @@ class WorldReader(SurfaceReader):
             baked = self._baked(place)
             if baked is not None:
                 return replace(baked, load=lambda: with_sun(baked.data, found))
-            self.lack(place.node, "what the air scatters more than once is not in it")
+            self.lack(place.node, "light that the air scatters more than once is missing")
         return Value(lambda: picture(found), 3, Lookup(), name="sky")
 
     def _directions(self, place):
-        """Rows of the matrix from directions of the world to those by which an image is looked up."""
+        """Rows of the matrix from world directions to the directions of an image lookup."""
         # A sky with its sun has no input.
         found = None if place is None else follow(place)
         matrix = np.eye(4)
@@ -136,7 +136,7 @@ class WorldReader(SurfaceReader):
         if any(value is not None and not value.is_constant for value in values.values()):
             raise NotShown("a rotation by texture")
         if any(values["Center"].color()):
-            raise NotShown("a rotation around another place than the middle")
+            raise NotShown("a rotation around a point other than the centre")
         if node.rotation_type == "EULER_XYZ":
             turn = Euler(values["Rotation"].color()).to_matrix()
         else:
@@ -149,7 +149,7 @@ class WorldReader(SurfaceReader):
 
 
 def _coordinates(reader, place):
-    """The direction, or what is opposite to it, as normals are."""
+    """The direction, or its opposite, as for normals."""
     name = place.socket.name
     if getattr(place.node, "object", None) is None and name in ("Generated", "Object", "Position"):
         return coordinates(reader, place, "generated")
@@ -160,7 +160,7 @@ def _coordinates(reader, place):
 
 
 def _environment(reader, place):
-    """An image around the world that is looked up by other directions than turned ones."""
+    """A panorama whose lookup is not a rotation."""
     value = reader.sky(place) if place.node.type == "TEX_SKY" else reader._picture(place, Lookup())
     direction = vector_of(reader, place)["vector"]
     unit = Node("vector_math", {"operation": "normalize", "a": direction}).output(width=3, is_vector=True)
@@ -215,13 +215,13 @@ def _medium(context, world, owner):
         context.report.leave_out(f"the volume of {owner}, whose density is a texture")
         medium = None
     if medium is not None and medium.glow is not None:
-        context.report.leave_out(f"what the volume of {owner} emits: it has no end")
+        context.report.leave_out(f"what the volume of {owner} emits, which has no end")
         medium = replace(medium, glow=None)
     return medium
 
 
 def _add_seen(context, world, owner, rays, emission):
-    """Adds what rays of some kinds see of the world's light."""
+    """Adds what some kinds of rays see of the world's light."""
     if emission is None:
         _add(context, world, owner, rays, [0.0, 0.0, 0.0])
         return

@@ -1,4 +1,4 @@
-"""A picture in a viewport. Its colour management is Blender's: what is drawn here is linear."""
+"""Draws a picture in a viewport. Blender manages colour: what is drawn here is linear."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from .live import Frame
 
 
 class Canvas:
-    """Keeps the texture of the picture that was drawn last."""
+    """Keeps the texture of the last picture drawn."""
 
     def __init__(self) -> None:
         self._frame: Frame | None = None
         self._texture: gpu.types.GPUTexture | None = None
 
     def draw(self, engine, scene, region, frame: Frame) -> None:
-        """Fill the region with a picture."""
+        """Fills the region with a picture."""
         if frame is not self._frame:
             self._frame, self._texture = frame, _texture(frame.pixels)
         gpu.state.blend_set("ALPHA_PREMULT")
@@ -29,7 +29,7 @@ class Canvas:
 
 def _texture(pixels: np.ndarray) -> gpu.types.GPUTexture:
     height, width = pixels.shape[:2]
-    # Textures begin at the bottom, and have an alpha.
+    # Textures start at the bottom, and have an alpha.
     data = np.ones((height, width, 4), np.float32)
     data[..., :3] = pixels[::-1]
     buffer = gpu.types.Buffer("FLOAT", width * height * 4, data.ravel())

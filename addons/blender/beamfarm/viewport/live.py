@@ -1,4 +1,4 @@
-"""A process of `beamfarm live`, and what it says. Nothing here knows of Blender."""
+"""A process of `beamfarm live`, and its messages. Nothing here depends on Blender."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from .websocket import Closed, WebSocket
 
 _PAGE = re.compile(r"page: http://(\S+?):(\d+)/enter#(\S+)")
 _LOOK = "/look?pixels=linear"
-# What is told of a scene that has become one which no GPU renders.
+# The error of a scene that no GPU can render any more.
 _NOT_FOR_DEVICES = "the engine gpu cannot render"
-# Seconds for the process to end by itself.
+# Seconds for the process to end without being killed.
 _GRACE = 5.0
 
 
@@ -34,9 +34,9 @@ class Frame:
 
     number: int
     seq: int
-    """The last change that is in it."""
+    """The last change that it includes."""
     passes: int
-    """That it is the average of; 0 for a sketch."""
+    """The number of averaged passes; 0 for a sketch."""
     of: int
     pixels: np.ndarray
     """Linear radiance, (height, width, 3), the first row at the top."""
@@ -44,7 +44,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class State:
-    """What goes on."""
+    """The current activity."""
 
     doing: str = "sketch"
     passes: int = 0
@@ -53,21 +53,21 @@ class State:
 
 
 def parse_frame(data: bytearray) -> Frame:
-    """A binary message: the length of a header of JSON, the header, and R, G, B of each pixel as 32-bit floats."""
+    """Parses a binary message: the length of a JSON header, the header, and R, G, B of each pixel as 32-bit floats."""
     (size,) = struct.unpack_from("<I", data)
     header = json.loads(bytes(data[4 : 4 + size]))
     width, height = int(header["width"]), int(header["height"])
     have = len(data) - 4 - size
     if have != 12 * width * height:
         raise ValueError(f"{have} bytes for {width} x {height} pixels")
-    # The header is of any length, and so the floats stand at any byte.
+    # The header may have any length, so the floats start at any byte.
     pixels = np.frombuffer(data, "<f4", offset=4 + size).reshape(height, width, 3)
     numbers = (int(header[name]) for name in ("frame", "seq", "passes", "of"))
     return Frame(*numbers, pixels)
 
 
 class Live:
-    """A live view of a scene file. `news` is called, by another thread, whenever there is something to show."""
+    """A live view of a scene file. `news` is called, from another thread, whenever there is something to show."""
 
     def __init__(self, program: Path, scene: Path, options: list[str], news: Callable[[], None]) -> None:
         self._news = news
@@ -80,12 +80,12 @@ class Live:
         self._unsent: list[str] = []
         self._closing = False
         self._is_refused = False
-        # Tokens and certificates of farms: a view makes up its own, and tells that of its page.
+        # Tokens and certificates of farms: a view makes its own token and prints that of its page.
         of_farms = ("BEAMFARM_T", "BEAMFARM_OPERATOR_T")
         environment = {name: value for name, value in os.environ.items() if not name.startswith(of_farms)}
         self._process = subprocess.Popen(
             [str(program), "live", str(scene), "--quiet", "--with-parent", *options],
-            # The other end of its life line.
+            # Closing this ends the process.
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -110,7 +110,7 @@ class Live:
 
     @property
     def state(self) -> State:
-        """What goes on."""
+        """The current activity."""
         with self._lock:
             return self._state
 
@@ -122,17 +122,17 @@ class Live:
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing comes any more."""
+        """Whether nothing more will come."""
         return not self._thread.is_alive()
 
     @property
     def is_refused(self) -> bool:
-        """Whether it has ended before it had a page, or its engine does not take the scene any more."""
+        """Whether it ended before it had a page, or its engine no longer accepts the scene."""
         with self._lock:
             return self._is_refused or _NOT_FOR_DEVICES in (self._trouble or "")
 
     def change(self, kind: str, **fields: object) -> int:
-        """Tell a change of the scene. Returns its number, which pictures with it will name."""
+        """Sends a change of the scene. Returns its number, which pictures that include it carry."""
         with self._lock:
             self._seq += 1
             seq = self._seq
@@ -140,19 +140,19 @@ class Live:
         return seq
 
     def tell(self, kind: str, **fields: object) -> None:
-        """Tell something else; what is told before there is a connection waits for it."""
+        """Sends another message; messages wait until there is a connection."""
         text = json.dumps({"type": kind, **fields})
         with self._lock:
             if self._socket is None:
                 self._unsent.append(text)
                 return
             socket = self._socket
-        # Where it is closed the thread that receives finds out as well.
+        # If it is closed, the receiving thread notices as well.
         with contextlib.suppress(Closed):
             socket.send(text)
 
     def close(self) -> None:
-        """End the process."""
+        """Ends the process."""
         self._closing = True
         with self._lock:
             socket = self._socket
@@ -186,7 +186,7 @@ class Live:
                 self._be_in_trouble("\n".join(lines or wrong) or "beamfarm live has ended")
 
     def _listen(self) -> None:
-        """Takes what it says on standard error, to its end, or it would have to wait for that."""
+        """Reads its standard error to the end, so that it never has to wait."""
         with self._process.stderr as stream:
             for line in stream:
                 page = _PAGE.match(line)
@@ -194,7 +194,7 @@ class Live:
                     self._address.put((page[1], int(page[2]), page[3]))
                 else:
                     self._said.append(line.rstrip())
-        # Where it never came to a page.
+        # It never got as far as a page.
         self._address.put(None)
 
     def _receive(self, socket: WebSocket) -> None:
@@ -208,14 +208,14 @@ class Live:
             try:
                 self._hear(message)
             except (ValueError, KeyError, TypeError, struct.error) as error:
-                self._be_in_trouble(f"beamfarm live says what is not understood: {error}")
+                self._be_in_trouble(f"beamfarm live sent what is not understood: {error}")
 
     def _hear(self, message: str | bytearray) -> None:
         if isinstance(message, bytearray):
             frame = parse_frame(message)
             with self._lock:
                 self._frame = frame
-            # The next one may come: what is shown is always the newest.
+            # The next one may come: only the newest is shown.
             self.tell("drawn", frame=frame.number)
             self._news()
             return

@@ -1,4 +1,4 @@
-"""One viewport: what is exported for it, the live view of that, and what it shows."""
+"""One viewport: its export, its live view, and what it shows."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from .sight import Sight
 
 _open: weakref.WeakSet[Session] = weakref.WeakSet()
 
-# Changes of the view are one gesture.
+# Successive changes of the view count as one gesture.
 _GESTURE = "view"
 
 
 class Session:
-    """Keeps a live view in step with a scene. `news` is called, by another thread, when there is something to show."""
+    """Keeps a live view in step with a scene. `news` is called, from another thread, when there is something to
+    show."""
 
     def __init__(
         self, program: Path, options: list[str], news: Callable[[], None], engine: str = engines.CPU
     ) -> None:
         self._program, self._options, self._news = program, options, news
         self.engine = engine
-        # What is tried one after the other, where the command refuses.
+        # Options to try in turn if the command refuses.
         self._tries = engines.tries(engine, "live")
         self._scene: Path | None = None
         self._note: str | None = None
@@ -43,7 +44,7 @@ class Session:
         _open.add(self)
 
     def update(self, depsgraph: bpy.types.Depsgraph, sight: Sight) -> int | None:
-        """The scene has changed. Returns the number of the change, for pictures."""
+        """Call it after a change of the scene. Returns the number of the change, for pictures."""
         self._sight = sight
         scene = depsgraph.scene
         render: dict[str, object] = {"seed": scene.beamfarm.seed}
@@ -60,7 +61,7 @@ class Session:
         self._is_written = True
         told.remember(scene.name, result.left_out, result.notes)
         if self._live is None or self._live.is_over:
-            # A scene that cannot be rendered ends the process: the next one may be better.
+            # A scene that cannot be rendered ends the process: the next one may be valid.
             self._scene = result.scene
             self._start()
         live = self._live
@@ -80,14 +81,14 @@ class Session:
             self.trouble = f"{self._program} cannot be run: {error}"
 
     def _tell(self, depsgraph: bpy.types.Depsgraph, sight: Sight) -> None:
-        """What of the picture is not in the scene file."""
+        """Sends the settings of the picture that are not in the scene file."""
         if self._passes != depsgraph.scene.beamfarm.viewport_passes:
             self._passes = depsgraph.scene.beamfarm.viewport_passes
             self._live.tell("passes", passes=self._passes)
         self._live.tell("size", width=sight.width)
 
     def _fall_back(self) -> bool:
-        """Go on with the next engine, where this one does not take the scene."""
+        """Goes on with the next engine if this one does not accept the scene."""
         live = self._live
         if live is None or len(self._tries) == 1 or not live.is_refused:
             return False
@@ -97,7 +98,7 @@ class Session:
         return self._live is not None
 
     def look(self, depsgraph: bpy.types.Depsgraph, sight: Sight) -> int | None:
-        """The viewport is drawn: what has changed of its view? Returns the number of the change, if there is one."""
+        """Call it when the viewport is drawn. Returns the number of the change of its view, if there is one."""
         if self._fall_back():
             self._tell(depsgraph, sight)
             return self.update(depsgraph, sight) if sight != self._sight else self._live.change("written")
@@ -110,12 +111,12 @@ class Session:
 
     @property
     def frame(self) -> Frame | None:
-        """What is to be shown."""
+        """The picture to show."""
         return self._live and self._live.frame
 
     @property
     def words(self) -> str:
-        """What goes on, or what is wrong."""
+        """The current activity, or what is wrong."""
         wrong = self.trouble or (self._live and self._live.trouble)
         if wrong:
             return str(wrong)
@@ -133,7 +134,7 @@ class Session:
         return " | ".join(parts)
 
     def close(self) -> None:
-        """Nothing of it is left."""
+        """Ends everything."""
         live, self._live = self._live, None
         if live is not None:
             live.close()
@@ -142,6 +143,6 @@ class Session:
 
 
 def close_all() -> None:
-    """The add-on goes, or Blender does."""
+    """The add-on is disabled, or Blender ends."""
     for session in list(_open):
         session.close()

@@ -1,4 +1,4 @@
-"""The camera of a viewport, from the matrices that Blender draws it with."""
+"""The camera of a viewport, from Blender's drawing matrices."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from mathutils import Matrix, Vector
 
 from ..export import View, lens_of
 
-# An orthographic viewport has no place, only a direction: its picture begins so many view distances before its centre.
+# An orthographic viewport has only a direction: its picture starts this many view distances before its centre.
 _BEFORE = 8.0
-# Digits of numbers that are told apart: Blender's matrices are of single precision.
+# Significant digits when comparing: Blender's matrices are single precision.
 _DIGITS = 6
 
 
 @dataclass(frozen=True)
 class Sight:
-    """Where a viewport looks from, its lens, and the pixels of its picture."""
+    """A viewport's camera, lens, and picture size in pixels."""
 
     width: int
     height: int
@@ -34,15 +34,15 @@ class Sight:
         return Matrix([self.matrix[4 * row : 4 * row + 4] for row in range(4)])
 
     def view(self) -> View:
-        """As the export takes it."""
+        """In the export's form."""
         return View(self.matrix_world, self.fov, self.ortho_scale, self.is_orthographic, self.lens, self.shift)
 
     def differs_in_place_alone(self, other: Sight) -> bool:
-        """Whether the two have one lens and one size."""
+        """Whether the two have the same lens and size."""
         return _lens(self) == _lens(other)
 
     def message(self) -> dict[str, object]:
-        """Where it is, as the live view takes it."""
+        """Its place in the live view's form."""
         turn = self.matrix_world.to_3x3()
         origin = self.matrix_world.translation
         target = origin + (turn @ Vector((0.0, 0.0, -1.0))).normalized()
@@ -62,10 +62,10 @@ def of_matrices(
     distance: float | None,
     lens: tuple[float, float] | None = None,
 ) -> Sight:
-    """From the matrices to camera space and on to the picture. `distance`: of the view from its centre, if it has no
-    camera; `lens`: the camera's."""
+    """From the matrices to camera space and to the picture. `distance`: of the view from its centre, without a camera;
+    `lens`: the camera's."""
     width, height = size
-    # In lengths of the wider side: of half a picture at distance one, or as it is.
+    # Relative to the wider side: of half a picture at distance one, or absolute.
     wider = max(width, height)
     along = 0 if width >= height else 1
     is_orthographic = window[3][3] == 1.0
@@ -89,7 +89,7 @@ def of_matrices(
 
 
 def of_context(context, depsgraph) -> Sight:
-    """Of the viewport that is being drawn."""
+    """For the viewport that is being drawn."""
     region, view = context.region, context.region_data
     pixel = context.scene.render.preview_pixel_size
     step = 1 if pixel == "AUTO" else int(pixel)

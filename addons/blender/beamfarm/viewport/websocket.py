@@ -1,4 +1,4 @@
-"""A WebSocket client (RFC 6455) of the standard library alone, for a server on this machine."""
+"""A WebSocket client (RFC 6455) using only the standard library, for a server on this machine."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import threading
 
 _GUID = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11"
 _CONTINUATION, _TEXT, _BINARY, _CLOSE, _PING, _PONG = 0x0, 0x1, 0x2, 0x8, 0x9, 0xA
-# Bytes of an answer's head, and of a message: a picture of 16384 x 16384 has more.
+# Limits in bytes on an answer's head, and on a message: more than a picture of 16384 x 16384 has is refused.
 _MOST_HEAD = 1 << 16
 _MOST = 1 << 31
 
 
 class Closed(Exception):
-    """The other side is gone, or says what makes no sense."""
+    """The other side is gone, or sends nonsense."""
 
 
 class WebSocket:
@@ -66,10 +66,10 @@ class WebSocket:
         named = dict(field.lower().split(": ", 1) for field in fields if ": " in field)
         accept = base64.b64encode(hashlib.sha1((key + _GUID).encode()).digest()).decode()
         if named.get("sec-websocket-accept") != accept.lower():
-            raise Closed("the answer is to somebody else")
+            raise Closed("the answer is not to this request")
 
     def send(self, text: str) -> None:
-        """Send a text message."""
+        """Sends a text message."""
         self._send(_TEXT, text.encode())
 
     def _send(self, kind: int, payload: bytes) -> None:
@@ -80,7 +80,7 @@ class WebSocket:
             head = struct.pack("!BBH", 0x80 | kind, 0x80 | 126, size)
         else:
             head = struct.pack("!BBQ", 0x80 | kind, 0x80 | 127, size)
-        # What a client says is masked, which hides nothing. These messages are short.
+        # Clients must mask, although it hides nothing. These messages are short.
         mask = os.urandom(4)
         masked = bytes(byte ^ mask[place % 4] for place, byte in enumerate(payload))
         try:
@@ -136,7 +136,7 @@ class WebSocket:
         return data
 
     def close(self) -> None:
-        """End it, also for the thread that receives."""
+        """Ends it, also for the receiving thread."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()

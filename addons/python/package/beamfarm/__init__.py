@@ -6,7 +6,7 @@
 >>> image.save("scene.png")                            # doctest: +SKIP
 
 Arrays of pixels are (height, width, 3) float32, linear sRGB, the first row on top. Lengths are scene units, radiance is
-in W/(m² sr), times are seconds, errors shares of one.
+in W/(m² sr), times are seconds, errors are fractions.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Meshes, grids and images from numpy arrays, in place of files."""
+"""Meshes, grids and images from numpy arrays instead of files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _described(array: npt.NDArray[Any]) -> str:
 
 
 def _numbers(name: str, value: npt.ArrayLike, columns: int | None) -> npt.NDArray[np.floating[Any]]:
-    """Rows of finite real numbers: those of two precisions stay as they are."""
+    """Rows of finite real numbers; float32 and float64 stay as they are."""
     array = np.asarray(value)
     rows = "(N,)" if columns is None else f"(N, {columns})"
     has_shape = columns is None or (array.ndim == 2 and array.shape[1] == columns)
@@ -34,10 +34,10 @@ def _numbers(name: str, value: npt.ArrayLike, columns: int | None) -> npt.NDArra
 
 
 class _Made(Protocol):
-    """A file that is nowhere on the disk."""
+    """A file that exists only in memory."""
 
     def encoded(self) -> tuple[str, bytes]:
-        """Its name in a scene, which depends on what is in it alone, and its bytes."""
+        """Its name in a scene, which depends only on its contents, and its bytes."""
         ...
 
 
@@ -46,7 +46,7 @@ def _named(ending: str, content: bytes) -> tuple[str, bytes]:
 
 
 class Mesh:
-    """A mesh that stands where a scene names a file: ``{"type": "mesh", "file": Mesh(vertices, faces), ...}``.
+    """A mesh in place of a file in a scene: ``{"type": "mesh", "file": Mesh(vertices, faces), ...}``.
 
     Parameters
     ----------
@@ -64,9 +64,9 @@ class Mesh:
     Raises
     ------
     ArgumentError
-        An array of another shape or type, a number that is not finite, a face of vertices that are not there.
+        An array has the wrong shape or type, a number is not finite, or a face has a vertex that does not exist.
 
-    The arrays are copied: what is done to them later does not change the mesh.
+    The arrays are copied: later changes to them do not change the mesh.
     """
 
     def __init__(
@@ -120,18 +120,18 @@ class Mesh:
 
 
 class Grid:
-    """A grid of densities that stands where a scene names a file: ``density = {"file": Grid(array)}``.
+    """A grid of densities in place of a file in a scene: ``density = {"file": Grid(array)}``.
 
     Parameters
     ----------
     values : (depth, height, width) or (depth, height, width, 3) real
         Samples, ``values[z, y, x]``, which fill the unit cube from (0, 0, 0) to (1, 1, 1); the medium's ``transform``
-        puts it into the world. Negative ones count as 0. Three channels are for ``sigma_t`` and ``albedo``.
+        places it in the world. Negative values count as 0. Three channels are for ``sigma_t`` and ``albedo``.
 
     Raises
     ------
     ArgumentError
-        An array of another shape or type, or a number that is not finite.
+        An array has the wrong shape or type, or a number is not finite.
     """
 
     def __init__(self, values: npt.ArrayLike) -> None:
@@ -156,7 +156,7 @@ class Grid:
 
 
 class Texture:
-    """An image that stands where a scene names one: ``reflectance = {"image": Texture(array)}``.
+    """An image in place of a file in a scene: ``reflectance = {"image": Texture(array)}``.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ class Texture:
     Raises
     ------
     ArgumentError
-        An array of another shape or type, or a number that is not finite.
+        An array has the wrong shape or type, or a number is not finite.
     """
 
     def __init__(self, pixels: npt.ArrayLike) -> None:

@@ -15,7 +15,7 @@ _NAME = "beamfarm.exe" if os.name == "nt" else "beamfarm"
 
 
 def program() -> Path:
-    """The command's path: that in ``BEAMFARM_PROGRAM``, or the one of the package."""
+    """The command's path: the one in ``BEAMFARM_PROGRAM``, or else the package's own."""
     asked = os.environ.get("BEAMFARM_PROGRAM")
     path = Path(asked) if asked else Path(__file__).with_name("bin") / _NAME
     if not path.is_file():
@@ -46,6 +46,6 @@ def main() -> None:
 def worker() -> None:
     """``beamfarm-worker``"""
     arguments = sys.argv[1:]
-    # That is the command's to say.
+    # The command answers this itself.
     is_version = arguments in (["--version"], ["-V"])
     _become(arguments if is_version else ["worker", *arguments])

@@ -1,4 +1,4 @@
-"""What goes wrong. All of it is a :class:`BeamfarmError`."""
+"""The package's errors. Each is a :class:`BeamfarmError`."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ __all__ = [
 
 
 class BeamfarmError(Exception):
-    """Whatever goes wrong here."""
+    """The base class of the package's errors."""
 
 
 class Fault(NamedTuple):
-    """One thing that is wrong with a scene."""
+    """One fault of a scene."""
 
     file: Path
     """The scene's file, or one that it names."""
     line: int | None
-    """Line in that file, from 1, where it can be told."""
+    """Line in that file, from 1, where known."""
     field: str | None
-    """The field, as ``materials.glass.ior``, where it is one."""
+    """The field, for example ``materials.glass.ior``, if it is in one."""
     message: str
     """What is wrong, and what was expected."""
 
@@ -46,7 +46,7 @@ class Fault(NamedTuple):
 
 
 class SceneError(BeamfarmError, ValueError):
-    """A scene that cannot be rendered. ``faults`` has all that is wrong with it."""
+    """A scene that cannot be rendered. ``faults`` lists everything that is wrong with it."""
 
     def __init__(self, message: str, faults: Sequence[Fault] = ()) -> None:
         super().__init__(message)
@@ -54,7 +54,7 @@ class SceneError(BeamfarmError, ValueError):
 
 
 class ArgumentError(BeamfarmError, ValueError):
-    """An argument, or an array, that is not what was expected: the message says what came."""
+    """An argument or array that is not as expected: the message says what it is."""
 
 
 class ImageError(BeamfarmError, OSError):
@@ -62,32 +62,32 @@ class ImageError(BeamfarmError, OSError):
 
 
 class RenderError(BeamfarmError, RuntimeError):
-    """Passes that cannot be rendered. ``image`` has those before, if there are any."""
+    """Passes that cannot be rendered. ``image`` holds the passes before, if there are any."""
 
     image: Image | None = None
 
 
 class OutOfMemoryError(RenderError, MemoryError):
-    """There is not enough memory on this machine for the image or for the scene."""
+    """This machine has too little memory for the image or the scene."""
 
 
 class DeviceError(BeamfarmError, RuntimeError):
-    """There is no device for passes here, it cannot render the scene, or it failed."""
+    """There is no device for passes here, the device cannot render the scene, or it failed."""
 
 
 class FarmError(BeamfarmError, ConnectionError):
-    """A farm that cannot be reached, or refuses who asks."""
+    """A farm that cannot be reached, or that refuses the request."""
 
 
 class SceneNote(UserWarning):
-    """What of a scene may not be as its author thinks."""
+    """Something in a scene that may not be what its author intends."""
 
 
 class RenderInterrupted(UserWarning):
-    """Ctrl-C ended a render; its image is that of the passes before."""
+    """Ctrl-C ended a render; its image holds the passes completed before."""
 
 
 def scene_error(faults: Sequence[tuple[str, int | None, str | None, str]]) -> SceneError:
-    """Made of what the compiled part found."""
+    """The exception for the faults that the compiled part found."""
     found = [Fault(Path(file), line, field, message) for file, line, field, message in faults]
     return SceneError("\n".join(map(str, found)), found)

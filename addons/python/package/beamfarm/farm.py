@@ -25,21 +25,21 @@ from .rendering import AnyScene, _options, _real, _scene, _whole
 
 __all__ = ["Farm", "Served", "connect", "serve"]
 
-# Seconds that an image may take to come.
+# Seconds to wait for an image.
 _PATIENCE = 120.0
 
 
 class Farm:
-    """A farm that renders a job, by its coordinator.
+    """A farm that renders a job, reached through its coordinator.
 
     Parameters
     ----------
     url
         ``http://HOST:7325`` or ``https://HOST:7325``.
     token
-        What opens it; by default that in the environment variable ``BEAMFARM_TOKEN``.
+        The farm's token; by default that in the environment variable ``BEAMFARM_TOKEN``.
     tls_ca, tls_cert, tls_key
-        PEM files: of authorities that may vouch for it, and a certificate to show with its key.
+        PEM files: the authorities to trust, and a client certificate with its key.
     """
 
     def __init__(
@@ -58,12 +58,12 @@ class Farm:
         self._native = _native.Remote(self.url, self.token, *paths)
 
     def status(self) -> dict[str, Any]:
-        """How the job stands: what ``beamfarm status --json`` prints. Times are seconds.
+        """The job's status: what ``beamfarm status --json`` prints. Times are seconds.
 
         Raises
         ------
         FarmError
-            It cannot be reached, or refuses who asks.
+            The farm cannot be reached, or refuses the request.
         """
         status: dict[str, Any] = json.loads(self._native.status())
         return status
@@ -81,7 +81,7 @@ class Farm:
         self._native.steer("cancel")
 
     def extend(self, passes: int) -> None:
-        """Have so many passes in all."""
+        """Set the total number of passes."""
         self._native.steer("extend", _whole("passes", passes, 1, 2**53))
 
     def exr(self) -> bytes:
@@ -122,7 +122,7 @@ class Farm:
 
 
 def connect(url: str, **options: Any) -> Farm:
-    """A farm that runs already; arguments as for :class:`Farm`. Nothing is asked of it yet."""
+    """A farm that is already running; arguments as for :class:`Farm`. This does not contact it yet."""
     return Farm(url, **options)
 
 
@@ -195,7 +195,7 @@ class Served(Farm):
         )
 
     def _address(self) -> str:
-        """Where it listens, which it says itself; what else it says is kept for errors."""
+        """The address that it reports; its other output is kept for errors."""
         stdout, stderr = self._coordinator.stdout, self._coordinator.stderr
         assert stdout is not None and stderr is not None
         complaints = threading.Thread(target=self._keep, args=(stderr,), daemon=True)
@@ -223,13 +223,13 @@ class Served(Farm):
         RenderError
             The job failed: the message says why.
         TimeoutError
-            It took longer.
+            The job took longer than ``timeout`` seconds.
         """
         end = None if timeout is None else clock.monotonic() + timeout
         while self._coordinator.poll() is None:
             if end is not None and clock.monotonic() > end:
                 raise TimeoutError(f"the job has not ended within {timeout} s")
-            # Signals are heard in between.
+            # Signals are handled in between.
             clock.sleep(0.05)
         if self._coordinator.returncode != 0:
             said = "\n".join(line for line in self._said if "error" in line)
@@ -237,8 +237,8 @@ class Served(Farm):
         return read(self.output)
 
     def close(self) -> None:
-        """End the job, and its workers."""
-        # Each ends with its standard input: what is complete is written first.
+        """End the job and its workers."""
+        # Each ends when its standard input closes; what is complete is written first.
         for process in [self._coordinator, *self._workers]:
             if process.stdin is not None:
                 process.stdin.close()
@@ -268,23 +268,22 @@ def serve(scene: AnyScene, **options: Any) -> Served:
     Parameters
     ----------
     workers, threads
-        Worker processes of this machine, and threads of each. Others may join from elsewhere where ``listen`` lets
-        them.
+        Worker processes on this machine, and threads of each. Others may join from elsewhere if ``listen`` lets them.
     passes, time, error, layers, paths, seed, alpha, budget, engine, device
         As for :func:`render`.
     listen
-        ``"ADDRESS:PORT"``; port 0 takes a free one. By default this machine alone.
+        ``"ADDRESS:PORT"``; port 0 takes a free one. By default only this machine can connect.
     token
-        What opens it; by default one that nobody can guess: ``farm.token``.
+        The farm's token; by default a random one: ``farm.token``.
     output
-        Where to write the image (``.exr``); by default nowhere that lasts.
+        Where to write the image (``.exr``); by default only to a temporary file.
 
     Raises
     ------
     SceneError
-        All that is wrong with the scene.
+        Everything that is wrong with the scene.
     RenderError
-        The coordinator did not start: the message has what it said.
+        The coordinator did not start: the message has its output.
     """
     if "workers" in options and options["workers"] is None:
         raise ArgumentError("workers = None: expected a whole number, from 0")

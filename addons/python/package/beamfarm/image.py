@@ -20,7 +20,7 @@ Pixels = npt.NDArray[np.float32]
 
 
 class Layers(Mapping[str, Pixels]):
-    """Layers by name: (height, width) float32 of one channel, (height, width, 3) of three. Read-only."""
+    """Layers by name: (height, width) float32 for one channel, (height, width, 3) for three. Read-only."""
 
     def __init__(self, native: _native.Image | _native.Pass) -> None:
         self._native = native
@@ -39,12 +39,12 @@ class Layers(Mapping[str, Pixels]):
 
 
 class Bias(NamedTuple):
-    """By how much the mean of an image is off, as an estimate."""
+    """The estimated relative bias of an image's mean."""
 
     relative: float
     """(image - truth) / truth, for the mean of all pixels."""
     stderr: float
-    """Standard error of that."""
+    """Its standard error."""
     text: str
     """The same in words."""
 
@@ -55,17 +55,17 @@ class Bias(NamedTuple):
 class Image:
     """An image of passes, or of samples of the reference.
 
-    Its arrays share the memory of the image and cannot be written to: ``image.beauty.copy()`` can.
+    Its arrays share the memory of the image and are read-only; ``image.beauty.copy()`` is writable.
     """
 
     def __init__(self, native: _native.Image, *, notes: list[str], left_out: list[str], interrupted: bool) -> None:
         self._native = native
         self.notes = notes
-        """What of the scene may not be as its author thinks, and what a pilot found."""
+        """Notes on what in the scene may not be as its author intends, and on what a pilot found."""
         self.left_out = left_out
-        """What of a Mitsuba scene is not supported and is missing."""
+        """What of a Mitsuba scene is not supported and left out."""
         self.interrupted = interrupted
-        """Ctrl-C ended it before its last pass."""
+        """Whether Ctrl-C ended it before its last pass."""
 
     @property
     def beauty(self) -> Pixels:
@@ -74,48 +74,49 @@ class Image:
 
     @property
     def stderr(self) -> Pixels:
-        """Standard error of ``beauty``, alike; infinite of one pass, of which nothing can be said."""
+        """Standard error of ``beauty``, of the same shape; infinite after one pass, when it is unknown."""
         return self._native.stderr
 
     @property
     def layers(self) -> Layers:
-        """The layers that were asked for, by name."""
+        """The requested layers, by name."""
         return Layers(self._native)
 
     @property
     def passes(self) -> int:
-        """Passes, or samples, that it is the average of: 0 to ``passes - 1``."""
+        """The number of averaged passes (0 to ``passes - 1``) or samples."""
         return self._native.passes
 
     @property
     def seconds(self) -> float:
-        """Time that rendering took."""
+        """Render time."""
         return self._native.seconds
 
     @property
     def error(self) -> float:
-        """Relative standard error of the picture, as ``--target-error`` means it: 0.01 is 1 %. Infinite of one pass."""
+        """Relative standard error of the picture, as ``--target-error`` means it: 0.01 is 1 %. Infinite after one
+        pass."""
         return self._native.error
 
     @property
     def bias(self) -> Bias | None:
-        """Estimated bias of the mean; None where passes are too few or too noisy to tell."""
+        """Estimated bias of the mean; None where passes are too few or too noisy for an estimate."""
         found = self._native.bias
         return None if found is None else Bias(*found)
 
     @property
     def width(self) -> int:
-        """Pixels a row."""
+        """Pixels per row."""
         return int(self.beauty.shape[1])
 
     @property
     def height(self) -> int:
-        """Rows."""
+        """Number of rows."""
         return int(self.beauty.shape[0])
 
     @property
     def hash(self) -> str:
-        """Hash of the pixels of ``beauty``: that which the command ``beamfarm`` prints."""
+        """Hash of the pixels of ``beauty``, as the command ``beamfarm`` prints it."""
         return self._native.pixel_hash
 
     @property
@@ -126,19 +127,19 @@ class Image:
     def save(
         self, path: str | os.PathLike[str], *, exposure: float | None = None, view: str | None = None
     ) -> Path:
-        """Write ``.exr`` (linear float32, with layers) or ``.png`` (as the scene has itself shown).
+        """Write ``.exr`` (linear float32, with layers) or ``.png`` (in the view that the scene sets).
 
         Parameters
         ----------
         exposure
-            Of the PNG, in stops: 1 doubles the brightness.
+            For the PNG, in stops: 1 doubles the brightness.
         view
-            Of the PNG: ``"standard"``, ``"filmic"`` or ``"agx"``.
+            For the PNG: ``"standard"``, ``"filmic"`` or ``"agx"``.
 
         Raises
         ------
         ImageError
-            It cannot be written; what was there before is still there.
+            It cannot be written; a file that was there before stays.
         """
         path = Path(path)
         self._native.save(path, exposure, view)
@@ -164,7 +165,7 @@ class Image:
 
 
 class Pass:
-    """One pass: an image by itself, noisy and blurred by its radii."""
+    """A single pass: an image that is noisy, and blurred by its radii."""
 
     def __init__(self, native: _native.Pass) -> None:
         self._native = native
@@ -176,7 +177,7 @@ class Pass:
 
     @property
     def radius_scale(self) -> float:
-        """Factor on the base radii."""
+        """The pass's radius factor."""
         return self._native.radius_scale
 
     @property
@@ -186,17 +187,17 @@ class Pass:
 
     @property
     def layers(self) -> Layers:
-        """The layers that were asked for, by name."""
+        """The requested layers, by name."""
         return Layers(self._native)
 
     @property
     def seconds(self) -> float:
-        """Time that it took."""
+        """Render time of the pass."""
         return self._native.seconds
 
     @property
     def hash(self) -> str:
-        """Hash of its pixels: that which ``beamfarm replay`` prints."""
+        """Hash of its pixels, as ``beamfarm replay`` prints it."""
         return self._native.pixel_hash
 
     def __repr__(self) -> str:
@@ -210,7 +211,7 @@ def average(passes: Any) -> Image:
     Raises
     ------
     ArgumentError
-        One is missing, there twice, or of another scene.
+        A pass is missing, given twice, or from another scene.
     """
     given = list(passes)
     for one in given:
@@ -226,7 +227,7 @@ def read(path: str | os.PathLike[str]) -> Pixels:
     Raises
     ------
     ImageError
-        The file is none, or has no such channels.
+        The file is not an OpenEXR file, or lacks these channels.
     """
     return _native.read_image(Path(path))
 
@@ -241,7 +242,7 @@ class Block(NamedTuple):
     absolute: float
     """Mean of the image minus mean of the reference."""
     relative: float
-    """That over the reference's."""
+    """That, relative to the reference's mean."""
 
 
 @dataclass(frozen=True)
@@ -253,17 +254,17 @@ class Comparison:
     rel_mse: float
     """Mean of (x - ref)² / (ref² + 0.01)."""
     mean_ratio: float
-    """Mean of the image over mean of the reference: finds a lost factor."""
+    """Mean of the image over mean of the reference: reveals a missing factor."""
     channel_ratio: tuple[float, float, float]
-    """The same of each channel."""
+    """The same for each channel."""
     largest_absolute: Block
-    """The block that differs most: finds bias that hides in noise."""
+    """The block with the largest difference: reveals bias that hides in noise."""
     largest_relative: Block
-    """The block that differs most in proportion."""
+    """The block with the largest relative difference."""
     identical: bool
-    """Every bit is the same."""
+    """Whether all bits are the same."""
     text: str
-    """As ``beamfarm compare`` prints it."""
+    """The text that ``beamfarm compare`` prints."""
 
     def __str__(self) -> str:
         return self.text.rstrip("\n")
@@ -284,7 +285,7 @@ def _pixels(name: str, image: Any) -> Pixels:
 
 
 def compare(image: Any, reference: Any) -> Comparison:
-    """How far an image is from a reference: each an Image, a path of an .exr, or an array of (height, width, 3).
+    """How far an image is from a reference: each an Image, the path of an .exr, or an array of (height, width, 3).
 
     Raises
     ------

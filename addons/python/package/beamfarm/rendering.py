@@ -27,22 +27,22 @@ AnyScene = Union[Scene, Mapping[str, Any], str, "os.PathLike[str]"]
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a render is."""
+    """The progress of a render."""
 
     passes: int = 0
-    """Passes that are complete."""
+    """Completed passes."""
     limit: int | None = None
-    """As many as there will be, if that is known."""
+    """The total number of passes, if known."""
     fraction: float = 0.0
     """Share of the work that is done."""
     remaining: float | None = None
-    """Seconds that the rest will take, if that is known."""
+    """Seconds left, if known."""
     error: float | None = None
-    """Relative standard error, if it is known yet."""
+    """Relative standard error, if known yet."""
 
 
 class Explanation(dict[str, Any]):
-    """The plan of a scene: ``str()`` of it is what ``beamfarm explain`` prints."""
+    """The plan for a scene: ``str()`` of it is what ``beamfarm explain`` prints."""
 
     def __str__(self) -> str:
         return str(self["text"]).rstrip("\n")
@@ -107,7 +107,7 @@ def _options(
 
 
 def _told(notes: Sequence[str], left_out: Sequence[str], known: Scene) -> None:
-    """Warn of what is known of a scene, but for what was said when it was read."""
+    """Warns of notes on a scene, except those already given when it was read."""
     said = {*known.notes, *known.left_out}
     for note in notes:
         # What a pilot chose is no warning.
@@ -161,23 +161,24 @@ def render(
     scene
         A :class:`Scene`, a dictionary, or the path of a scene file.
     passes, time, error
-        When to end: after so many passes, with those that are complete after so many seconds, or when the relative
-        standard error is at most this (0.01 is 1 %); whichever comes first. Without any of them: the scene's passes.
+        When to end: after this many passes, after this many seconds with the passes that are complete by then, or when
+        the relative standard error is at most this (0.01 is 1 %); whichever comes first. By default after the scene's
+        passes.
     percentile
-        Ask ``error`` of this share of blocks of 8 x 8 pixels, in percent, in place of the image as a whole.
+        Apply ``error`` to this share of blocks of 8 x 8 pixels, in percent, instead of the image as a whole.
     layers
         Layers to render as well: ``"depth"``, ``"normal"``, ``"albedo"``, ``"direct"``, ``"surface"``, ``"volume"``,
-        ``"lights"``, ... as ``--aov`` of the command takes them.
+        ``"lights"``, ... as for the command's ``--aov``.
     threads, workers
-        Threads of each worker process, and processes; by default all cores are used.
+        Threads of each worker process, and number of processes; by default all cores are used.
     engine, device
         ``"cpu"``, ``"gpu"`` or ``"auto"``, and which device.
     paths, seed, alpha, budget
-        Photon paths a pass, seed of all random numbers, how quickly radii shrink, passes for which radii are chosen; by
-        default the scene's, or what a pilot finds best.
+        Photon paths per pass, seed of all random numbers, how quickly radii shrink, passes for which radii are chosen;
+        by default the scene's values, or what a pilot finds best.
     progress
-        True: a bar (of tqdm where that is installed); False: none; a function: it is called with a :class:`Progress`
-        about ten times a second. By default a bar where somebody looks at a terminal or a notebook.
+        True: a bar (tqdm's if installed); False: none; a function: it is called with a :class:`Progress` about ten
+        times a second. By default a bar if the output is a terminal or a notebook.
 
     Returns
     -------
@@ -187,12 +188,12 @@ def render(
     Raises
     ------
     SceneError
-        All that is wrong with the scene.
+        Everything that is wrong with the scene.
     ArgumentError, DeviceError, OutOfMemoryError, RenderError
-        With ``.image``, where passes were complete before.
+        With ``.image``, if passes were complete before.
 
-    Other threads of Python go on meanwhile, and may render as well. Passes are rendered by processes of their own: one
-    that dies is replaced.
+    Other Python threads keep running, and may render as well. Separate processes render the passes: one that dies is
+    replaced.
     """
     scene = _scene(scene)
     options = _options(layers, paths, seed, alpha, budget, engine, device, threads)
@@ -224,17 +225,17 @@ def reference(
 ) -> Image:
     """Render a scene with a path tracer, whose only error is noise: the truth where it converges.
 
-    What it does not find is missing at any number of samples: caustics of point, spot, laser and directional lights.
-    See ``beamfarm reference --help``.
+    It never finds caustics of point, spot, laser and directional lights, at any number of samples. See
+    ``beamfarm reference --help``.
 
     Parameters
     ----------
     samples, time
-        Samples a pixel (64), or those that are complete after so many seconds.
+        Samples per pixel (64), or a limit in seconds, which keeps the samples that are complete by then.
     max_depth
-        Scatter paths at most so many times; 1 is direct light.
+        Scatter paths at most this many times; 1 is direct light.
     layers
-        Of ``"direct"``, ``"surface"``, ``"volume"``, ``"lights"``.
+        Any of ``"direct"``, ``"surface"``, ``"volume"``, ``"lights"``.
     """
     scene = _scene(scene)
     options = _options(layers, seed=seed, threads=threads)
@@ -254,7 +255,7 @@ def explain(scene: AnyScene, **options: Any) -> Explanation:
     """What a pass of the scene will do, and why: a dictionary whose ``str()`` is what ``beamfarm explain`` prints.
 
     It has ``scene`` (a hash), ``width``, ``height``, ``passes``, ``engine``, ``seed``, ``alpha``, ``paths``,
-    ``techniques`` (None: as in most scenes), ``places`` (corners of each thing's box in the world), ``notes``,
+    ``techniques`` (None: the default ones), ``places`` (corners of each object's box in world space), ``notes``,
     ``left_out`` and ``text``.
 
     Parameters
@@ -268,7 +269,7 @@ def explain(scene: AnyScene, **options: Any) -> Explanation:
 
 
 class Passes:
-    """The passes of a scene, each of which can be rendered by itself, in this process.
+    """The passes of a scene, each of which can be rendered separately, in this process.
 
     Parameters
     ----------
@@ -278,7 +279,7 @@ class Passes:
         ``layers``, ``paths``, ``seed``, ``alpha``, ``budget``, ``engine``, ``device``, ``threads``, as for
         :func:`render`.
 
-    The scene is read once; what is done to it later does not change the passes.
+    The scene is read once; later changes to it do not change the passes.
     """
 
     def __init__(self, scene: AnyScene, **options: Any) -> None:
@@ -287,7 +288,7 @@ class Passes:
         _told(*self._native.notes, scene)
 
     def radius_scale(self, index: int) -> float:
-        """Factor on the base radii in a pass, which shrinks with its index."""
+        """A pass's radius factor, which shrinks as its index grows."""
         number = _whole("index", index, 0, 2**53 - 1)
         assert number is not None
         return self._native.radius_scale(number)
@@ -317,19 +318,19 @@ def passes(scene: AnyScene, start: int = 0, **options: Any) -> Iterator[Pass]:
 
 
 def pass_image(scene: AnyScene, index: int, **options: Any) -> Pass:
-    """Render one pass. For several of them :class:`Passes` reads the scene once."""
+    """Render one pass. To render several, use :class:`Passes`, which reads the scene once."""
     return Passes(scene, **options)[index]
 
 
 def radius_scale(index: int, alpha: float = 2.0 / 3.0) -> float:
-    """Factor on the base radii in a pass, where they shrink once a pass: 1 at index 0.
+    """A pass's radius factor, if radii shrink once per pass: 1 at index 0.
 
     Parameters
     ----------
     index
         Number of the pass, from 0.
     alpha
-        How quickly radii shrink, between 0 and 1. That of a scene, with its budget, is ``Passes(scene).radius_scale``.
+        How quickly radii shrink, between 0 and 1. For a scene with its budget, use ``Passes(scene).radius_scale``.
     """
     number, share = _whole("index", index, 0, 2**53 - 1), _real("alpha", alpha)
     assert number is not None and share is not None
@@ -339,7 +340,7 @@ def radius_scale(index: int, alpha: float = 2.0 / 3.0) -> float:
 
 
 class _Shown:
-    """A bar while something is rendered."""
+    """A progress bar during a render."""
 
     def __init__(self, progress: bool | Callable[[Progress], None] | None, unit: str) -> None:
         self._asked = progress
@@ -374,7 +375,7 @@ class _Shown:
 
 
 class _Line:
-    """A line on stderr, where there is no tqdm."""
+    """A line on stderr, if tqdm is not installed."""
 
     def __init__(self, unit: str) -> None:
         self.n = 0.0
@@ -408,7 +409,7 @@ def _is_notebook() -> bool:
 
 
 def _is_watched() -> bool:
-    """Somebody looks at a terminal, or at a notebook that can show a bar."""
+    """Whether the output is a terminal, or a notebook that can show a bar."""
     if _is_notebook():
         return importlib.util.find_spec("ipywidgets") is not None
     try:

@@ -1,4 +1,4 @@
-"""Scenes: what stands in a scene file, as Python's own dictionaries and lists."""
+"""Scenes: the contents of a scene file as Python dictionaries and lists."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Scene", "load"]
 
-# Fields whose text is the path of a file.
+# Fields whose text is a path.
 _FILES = frozenset({"file", "image", "gltf"})
-# Numbers of an array that a scene holds as a list.
+# Up to this many numbers of an array are written as a list.
 _LISTED = 256
 
 
@@ -39,20 +39,21 @@ def load(
     Parameters
     ----------
     path
-        The file. Meshes, images and volumes that it names are found from its folder.
+        The file. Paths of meshes, images and volumes in it are relative to its folder.
     parameters
-        Of a Mitsuba scene: values of what it writes as ``$NAME``.
+        For a Mitsuba scene: values of its parameters ``$NAME``.
     skip_unsupported
-        Of a Mitsuba scene: leave out what is not supported; ``scene.left_out`` says what.
+        For a Mitsuba scene: leave out what is not supported; ``scene.left_out`` lists it.
     spectral
-        Of a Mitsuba scene: let named glasses and liquids bend light of each wavelength by another angle.
+        For a Mitsuba scene: give named glasses and liquids their dispersion.
     allow_outside
-        Folders beside the scene's that files may lie in which it does not name itself: textures of its meshes, say.
+        Folders outside the scene's that may hold files which the scene itself does not name, such as textures of its
+        meshes.
 
     Raises
     ------
     SceneError
-        With all that is wrong, each by file, line and field.
+        Everything that is wrong, each fault with file, line and field.
     """
     path = Path(path)
     values = [(name, str(value)) for name, value in (parameters or {}).items()]
@@ -60,7 +61,7 @@ def load(
     text, made, reach, notes, left_out = _native.read_scene(path, values, skip_unsupported, spectral, folders)
     scene = Scene(text, folder=path.parent, name=path.stem)
     scene._made = made
-    # What was read once may be read again, by whomever it is named in the native scene.
+    # Files read once may be read again, whichever file of the native scene names them.
     scene._reach = reach
     scene.notes = notes
     scene.left_out = left_out
@@ -70,23 +71,22 @@ def load(
 
 
 class Scene(MutableMapping[str, Any]):
-    """A scene. ``scene["lights"][0]["radiance"] = 3.0`` changes it, ``scene.set("camera.fov", 40)`` as well.
+    """A scene. ``scene["lights"][0]["radiance"] = 3.0`` changes it, and so does ``scene.set("camera.fov", 40)``.
 
     Parameters
     ----------
     source
-        A dictionary as a scene file would have it, or the text of one (TOML). Where a file is named, a
-        :class:`~beamfarm.Mesh`, :class:`~beamfarm.Grid` or :class:`~beamfarm.Texture` may stand in its place.
-        A dictionary is copied.
+        A dictionary with the contents of a scene file, or its text (TOML). In place of a file's name it may have a
+        :class:`~beamfarm.Mesh`, :class:`~beamfarm.Grid` or :class:`~beamfarm.Texture`. A dictionary is copied.
     folder
-        Where the files lie that it names; by default the current folder.
+        The folder of the files that it names; by default the current folder.
     name
-        What errors and images call it.
+        Its name in errors and images.
     allow_outside
         As for :func:`load`.
 
-    Nothing is checked before the scene is used: see :meth:`check`. Errors of one that was made or changed name the
-    lines of :meth:`to_toml`, and ``<NAME>`` in place of a file.
+    Nothing is checked before the scene is used: see :meth:`check`. Errors of a scene that was made or changed in Python
+    refer to lines of :meth:`to_toml`, with ``<NAME>`` in place of a file.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class Scene(MutableMapping[str, Any]):
             if "\n" not in source and source.endswith((".toml", ".xml", ".glb", ".gltf")):
                 raise ArgumentError(f"{source!r} is the name of a file: beamfarm.load reads it")
             self.data: dict[str, Any] = _native.loads(source, self._path())
-            # What its author has written keeps its lines, for errors.
+            # A scene as its author wrote it keeps its lines, for errors.
             self._written = _native.dumps(self.data), source
         elif isinstance(source, Mapping):
             self.data = copy.deepcopy(dict(source))
@@ -143,7 +143,7 @@ class Scene(MutableMapping[str, Any]):
         return f"<Scene {self.name!r}: {size}{', '.join(counts)}>"
 
     def copy(self) -> Scene:
-        """Another scene like this one."""
+        """A copy of the scene."""
         other = copy.copy(self)
         other.data = copy.deepcopy(self.data)
         other.notes = list(self.notes)
@@ -151,7 +151,7 @@ class Scene(MutableMapping[str, Any]):
         return other
 
     def get_path(self, path: str) -> Any:
-        """The value at a path, as ``lights.0.power``.
+        """The value at a path, for example ``lights.0.power``.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class Scene(MutableMapping[str, Any]):
         return value
 
     def set(self, path: str, value: Any) -> Scene:
-        """Set the field at a path, as ``camera.fov`` or ``lights.0.power``, and return the scene itself.
+        """Set the field at a path, for example ``camera.fov`` or ``lights.0.power``, and return the scene itself.
 
         Raises
         ------
@@ -184,7 +184,7 @@ class Scene(MutableMapping[str, Any]):
         return self
 
     def _parts(self) -> tuple[str, dict[str, bytes]]:
-        """Its text, and files that are nowhere on the disk."""
+        """Its text, and files that exist only in memory."""
         made = dict(self._made)
         plain = _plain(self.data, "", "", made)
         text = _native.dumps(plain)
@@ -195,35 +195,35 @@ class Scene(MutableMapping[str, Any]):
     def _source(self) -> _native.Source:
         text, made = self._parts()
         is_written = self._written is not None and self._written[1] == text
-        # Lines of errors are those of to_toml(), and of no file, where it is not as it was read.
+        # If it has changed since it was read, lines of errors are those of to_toml(), and no file is named.
         path = self._path() if is_written else self.folder / f"<{self.name}>"
         return _native.Source(path, text, made, self._reach)
 
     def to_toml(self) -> str:
-        """The text of a scene file. Arrays have names that :meth:`save` would write them by."""
+        """The text of a scene file. Arrays have the names of the files that :meth:`save` would write."""
         return self._parts()[0]
 
     def check(self) -> None:
-        """Read all that the scene names, and see whether it can be rendered.
+        """Read everything that the scene names, and check whether it can be rendered.
 
         Raises
         ------
         SceneError
-            With all that is wrong.
+            Everything that is wrong.
         """
         self._source().check()
 
     def explain(self, **options: Any) -> Explanation:
         """What a pass of the scene will do, and why: see :func:`beamfarm.explain`."""
-        # That uses scenes, and comes after them.
+        # Imported here because it imports this module.
         from .rendering import explain
 
         return explain(self, **options)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write a scene file, and arrays as files into the folder ``arrays`` beside it. Returns its path.
+        """Write a scene file, and arrays as files into the folder ``arrays`` next to it. Returns its path.
 
-        Files that the scene names stay where they are, and are named from the new place.
+        Files that the scene names stay where they are; their paths are changed to fit the new place.
         """
         path = Path(path)
         if path.suffix != ".toml":
@@ -247,7 +247,7 @@ class Scene(MutableMapping[str, Any]):
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Whole, or not at all."""
+    """Writes the whole file, or nothing."""
     leftover = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with leftover.open("wb") as file:
@@ -274,7 +274,7 @@ def _child(value: Any, part: str, path: str) -> Any:
 
 
 def _plain(value: Any, key: str, path: str, made: dict[str, bytes]) -> Any:
-    """What TOML can hold, with arrays as names of files."""
+    """A value that TOML can hold, with arrays as names of files."""
     if isinstance(value, (Mesh, Grid, Texture)):
         name, content = value.encoded()
         made[name] = content
@@ -303,7 +303,7 @@ def _plain(value: Any, key: str, path: str, made: dict[str, bytes]) -> Any:
 
 
 def _moved(value: Any, old: Path, new: Path, made: Mapping[str, bytes]) -> Any:
-    """The same data for a file in another folder."""
+    """The same data for a scene file in another folder."""
     if isinstance(value, dict):
         return {
             name: _rebased(inner, old, new)

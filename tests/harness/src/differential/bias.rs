@@ -1,29 +1,29 @@
-//! Whether the means of two renderers differ by more than noise and what is allowed.
+//! Whether the means of two renderers differ by more than noise and an allowance.
 
 use super::images::{BLOCK, Images};
 use crate::suite::sidak;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::fmt;
 
-/// What means may differ by, beside noise.
+/// How much means may differ apart from noise.
 #[derive(Clone, Copy, Debug)]
 pub struct Allowance {
     /// Share of the mean of the whole image.
     pub whole: f64,
     /// Share of the mean of a block.
     pub block: f64,
-    /// Share of the same cell's beauty, for its parts: a part that hardly matters may be further off.
+    /// For parts, the share of the same cell's beauty: a part that hardly matters may be further off.
     pub of_beauty: f64,
 }
 
-/// What is asked of pictures in the end.
+/// The allowance for the final verdict.
 pub const STRICT: Allowance = Allowance {
     whole: 0.005,
     block: 0.01,
     of_beauty: 0.002,
 };
 
-/// Kernels of the first passes may blur so much, if it goes away.
+/// The blur of kernels in the first passes may be this large, if it goes away.
 pub const SHRINKING: Allowance = Allowance {
     whole: 0.02,
     block: 0.06,
@@ -45,9 +45,9 @@ pub struct Difference {
     pub reference: f64,
     /// Standard error of their difference.
     pub error: f64,
-    /// Probability of a difference like this beyond the allowance, if there is none in truth.
+    /// Probability of a difference this far beyond the allowance if there is no true difference.
     pub p_value: f64,
-    /// A few images hold what there is of the darker side: its error is not known.
+    /// The darker side's light comes from a few images, so its error is not known.
     pub is_heavy: bool,
 }
 
@@ -100,11 +100,11 @@ impl Moments {
     }
 }
 
-/// Single precision along paths, and in means: share of a value.
+/// Single precision along paths and in means: share of a value.
 const ROUNDING: f64 = 2e-5;
 
-/// All differences that are significant at this level, over all cells, parts and channels together (Šidák 1967); the
-/// least likely first.
+/// All differences that are significant at this level, over all cells, parts and channels together (Šidák 1967), least
+/// likely first.
 pub fn differences(
     names: &[String],
     [passes, reference]: [&Images; 2],
@@ -117,12 +117,12 @@ pub fn differences(
         let images = &reference.means[0][cell];
         images.iter().map(|v| f64::from(v[channel])).sum::<f64>() / images.len() as f64
     };
-    // What single precision leaves of the brightest block.
+    // The precision left by the brightest block.
     let cells = reference.means[0].len();
     let brightest = (0..cells).flat_map(|cell| (0..3).map(move |c| (cell, c)));
     let dark = 1e-6 * brightest.map(|(cell, c)| beauty(cell, c)).fold(0.0, f64::max);
     for (part, name) in names.iter().enumerate() {
-        // What comes seldom somewhere may not have come here yet.
+        // Rare light may not have come here yet.
         let has_tail = [0, 1, 2].map(|channel| {
             (0..cells).any(|cell| {
                 [passes, reference].iter().any(|images| {
@@ -146,7 +146,7 @@ pub fn differences(
                 let beyond = (p.mean - r.mean).abs() - allowed;
                 if beyond.is_nan() || beyond > 0.0 {
                     let p_value = p_value(beyond, [&p, &r]);
-                    // Passes that hardly find what the path tracer finds, or far more, have no such excuse.
+                    // Passes that find almost none of the path tracer's light, or far more, have no such excuse.
                     let is_unseen = r.mean == 0.0 && has_tail[channel];
                     let is_heavy = match p.mean < r.mean {
                         true => p.skewness > HEAVY && p.mean > 0.5 * r.mean,
@@ -177,12 +177,11 @@ pub fn differences(
     found
 }
 
-/// Skewness of images from which on one of them may hold nearly all that differs: the mean of what is drawn from a
-/// heavy tail is too small more often than not, and its error with it. (One image of n that differs has about the root
-/// of n.)
+/// Skewness of images from which on a single one may hold nearly the whole difference: the sample mean of a heavy tail
+/// is usually too small, and so is its error. (One deviating image of n gives about the root of n.)
 const HEAVY: f64 = 3.0;
 
-/// What a part that has a tail may differ by in a block where none was seen: a share of the block's beauty.
+/// For a part with a tail: the allowed difference in a block where none was seen, as a share of the block's beauty.
 const SMALL: f64 = 0.02;
 
 /// Two-sided p-value of a difference (Welch 1947).
@@ -224,7 +223,7 @@ mod tests {
         let found = compare(&noisy(1.02), &noisy(1.0));
         assert_eq!(found.len(), 6);
         assert!(found.iter().all(|d| !d.is_heavy));
-        // One image holds it all.
+        // One image holds everything.
         let rare = images(|i| if i == 7 { 1.0 } else { 0.0 });
         assert!(compare(&noisy(0.2), &rare).iter().all(|d| d.is_heavy));
         assert!(compare(&images(|_| f32::NAN), &noisy(1.0)).len() == 6);

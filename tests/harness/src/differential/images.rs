@@ -1,4 +1,4 @@
-//! Independent images of a scene by both renderers, and what is kept of them.
+//! Independent images of a scene by both renderers, and the statistics kept of them.
 
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{JobSettings, ReferenceSettings};
@@ -16,16 +16,16 @@ use crate::MeanEstimate;
 /// Pixels along the side of a block.
 pub const BLOCK: usize = 8;
 
-/// How many images of a scene, from which random numbers.
+/// How many images of a scene, and from which random numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Draws {
     /// Seed of both renderers.
     pub seed: u64,
-    /// Images of either.
+    /// Images by each renderer.
     pub images: u64,
     /// Index of the first pass: radii shrink with it.
     pub first_pass: u64,
-    /// Samples of the path tracer in an image.
+    /// The path tracer's samples per image.
     pub samples: u64,
 }
 
@@ -35,15 +35,14 @@ pub const LAYERS_BEFORE_LIGHTS: usize = 3;
 /// Images of one renderer.
 #[derive(Clone, Debug)]
 pub struct Images {
-    /// By part of the beauty (itself, direct and surface, volume, each group of lights), then by cell (the whole image
-    /// first, then blocks), then by image: means.
+    /// Means by part of the beauty (itself, direct and surface, volume, each group of lights), then by cell (the whole
+    /// image first, then blocks), then by image.
     pub means: Vec<Vec<Vec<[f32; 3]>>>,
-    /// By pixel, of the beauty.
+    /// The beauty, by pixel.
     pub pixels: Vec<[MeanEstimate; 3]>,
     /// Wall time of all of them.
     pub seconds: f64,
-    /// What they cost, in samples of the path tracer: about. The time that they take would make another verdict each
-    /// time.
+    /// Their approximate cost, in samples of the path tracer. Verdicts based on time would vary from run to run.
     pub work: f64,
     /// Width of the picture in blocks.
     pub columns: usize,
@@ -58,7 +57,7 @@ fn layers(scene: &Scene) -> Vec<Layer> {
     layers
 }
 
-/// Names of the parts that are compared.
+/// Names of the compared parts.
 pub fn part_names(scene: &Scene) -> Vec<String> {
     let lights = layers(scene).into_iter().skip(LAYERS_BEFORE_LIGHTS);
     let own = ["beauty", "direct + surface", "volume"].map(str::to_owned);
@@ -66,7 +65,7 @@ pub fn part_names(scene: &Scene) -> Vec<String> {
 }
 
 impl Images {
-    /// Of the passes, as a pilot has them.
+    /// Images from passes, planned as by a pilot.
     ///
     /// # Panics
     /// When the layers are not those of the scene.
@@ -99,7 +98,7 @@ impl Images {
         images
     }
 
-    /// Of the path tracer.
+    /// Images from the path tracer.
     ///
     /// # Panics
     /// When the layers are not those of the scene.
@@ -141,7 +140,7 @@ impl Images {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let columns = width / BLOCK;
         let cells = 1 + columns * (height / BLOCK);
-        // Direct and surface are one part, the beauty is another.
+        // Direct and surface form one part; the beauty is another.
         Self {
             means: vec![vec![Vec::new(); cells]; layers],
             pixels: vec![[MeanEstimate::new(); 3]; width * height],

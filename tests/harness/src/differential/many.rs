@@ -9,14 +9,14 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::Instant;
 
-/// What became of a seed.
+/// The result for a seed.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// The seed.
     pub seed: u64,
     /// Its scene.
     pub scene: RandomScene,
-    /// What became of it; the message where something panicked.
+    /// The verdict; the message if something panicked.
     pub verdict: Result<Verdict, String>,
     /// How long it took.
     pub seconds: f64,
@@ -28,7 +28,7 @@ impl Outcome {
         !matches!(&self.verdict, Ok(verdict) if !verdict.is_fault())
     }
 
-    /// In a line.
+    /// As one line.
     pub fn line(&self) -> String {
         let verdict = match &self.verdict {
             Ok(verdict) => verdict.to_string(),
@@ -41,7 +41,7 @@ impl Outcome {
     }
 }
 
-/// Compare the renderers on a scene, with one thread. A panic is a fault like others.
+/// Compares the renderers on a scene, with one thread. A panic is a fault like any other.
 pub fn examine_alone(scene: &RandomScene, effort: &Effort) -> Result<Verdict, String> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let pool = pool.map_err(|error| error.to_string())?;
@@ -57,7 +57,7 @@ fn message(panic: &(dyn Any + Send)) -> String {
     text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("?").to_owned()
 }
 
-/// Examine the scenes of all these seeds, and hand over what became of each as soon as it is known.
+/// Examines the scenes of all these seeds, and passes on each result as soon as it is known.
 pub fn examine_seeds(seeds: &[u64], effort: &Effort, mut each: impl FnMut(Outcome)) {
     let next = AtomicUsize::new(0);
     let (sender, receiver) = mpsc::channel();

@@ -1,9 +1,9 @@
-//! Passes against the path tracer: on one scene, and on thousands.
+//! Passes against the path tracer, on one scene or on thousands.
 //!
-//! Both make as many independent images; their means are compared over the whole, over blocks of 8 x 8 pixels, and for
-//! each part of the light. Tails are heavy, so what differs is rendered four times as long with other random numbers
-//! before it counts. What still differs is looked at with much smaller radii: a bias of kernels goes away with them, a
-//! fault does not.
+//! Both render the same number of independent images; their means are compared over the whole, over blocks of 8 x 8
+//! pixels, and for each part of the light. Tails are heavy, so a scene that differs is rendered four times as long with
+//! other random numbers before it counts. If it still differs, it is examined with much smaller radii: a bias of
+//! kernels goes away with them, a fault does not.
 
 pub mod bias;
 pub mod images;
@@ -17,54 +17,55 @@ use images::{Draws, Images, part_names};
 use outliers::{Outliers, are_of_scene, outliers};
 use std::fmt;
 
-/// How long to look.
+/// How long to examine.
 #[derive(Clone, Copy, Debug)]
 pub struct Effort {
-    /// Passes, and images of the path tracer.
+    /// The number of passes and of the path tracer's images.
     pub images: u64,
-    /// Samples of the path tracer in an image.
+    /// The path tracer's samples per image.
     pub samples: u64,
     /// Probability of calling a right scene wrong, if images are normally distributed.
     pub significance: f64,
-    /// A render that would last longer than this many seconds is not begun.
+    /// A render that would take longer than this many seconds is not begun.
     pub seconds: f64,
 }
 
-/// First pass of those that are compared. Half of the first pass's radii, about.
+/// The first pass compared. It has about half of the first pass's radii.
 const EARLY: u64 = 128;
-/// First pass of those that have small radii.
+/// The first pass compared with small radii.
 const LATE: u64 = 8192;
-/// How much longer what differs is rendered.
+/// How many times as long a scene that differs is rendered.
 const LONGER: u64 = 4;
-/// How many more samples the path tracer gets before passes are called too bright.
+/// How many times as many samples the path tracer gets before passes are called too bright.
 const MORE_SAMPLES: u64 = 16;
 
-/// Seeds of the path tracer's pictures of few samples that tell whether outliers are the scene's.
+/// Seeds of the path tracer's pictures with few samples that show whether outliers belong to the scene.
 const CONTROLS: [u64; 4] = [4, 5, 6, 7];
 
-/// What became of a scene.
+/// The verdict on a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
     /// No difference.
     Right,
-    /// There was one, but not in the longer renders.
+    /// There was a difference, but not in the longer renders.
     Noise,
-    /// A bias that goes away with the radii, and is as small as it may be with those of the first passes.
+    /// A bias that goes away with the radii, and that is within the allowance for the first passes' radii.
     Shrinks(Difference),
-    /// One side is too dark, by what comes in few images alone: nobody knows.
+    /// One side is too dark by what only a few images hold: undecided.
     Unknown(Difference),
     /// The means differ.
     Biased {
         /// With the radii of the first passes.
         early: Difference,
-        /// With much smaller ones; none where they do not differ any more.
+        /// With much smaller radii; none where they no longer differ.
         late: Option<Difference>,
         /// How many there are.
         count: usize,
     },
     /// A few pixels hold most of an error that is too large.
     Fireflies(Outliers),
-    /// What differed, if it was not but outliers, was not rendered as long as would have been needed.
+    /// The scene may differ, but was not rendered as long as needed to decide. Holds the difference, unless it is
+    /// outliers.
     TooLong(Option<Difference>),
 }
 
@@ -82,7 +83,7 @@ impl Verdict {
         }
     }
 
-    /// In a word.
+    /// As one word.
     pub fn word(&self) -> &'static str {
         match self {
             Self::Right => "right",
@@ -154,7 +155,7 @@ impl Pair {
     }
 }
 
-/// Compare the renderers on a scene. What passes the first look is not looked at again.
+/// Compares the renderers on a scene. A scene that passes the first look is not examined further.
 pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
     let draws = Draws {
         seed: 1,
@@ -178,7 +179,7 @@ pub fn examine(scene: &Scene, effort: &Effort) -> Verdict {
     };
     let mut pair = Pair::new(scene, &draws);
     let mut found = pair.differences(&STRICT, effort.significance);
-    // The path tracer has a tail as well, which few samples may not show.
+    // The path tracer has tails as well, which few samples may not show.
     let first = found.iter().find(|d| !d.is_heavy);
     let is_dark = first.map(|difference| difference.passes < difference.reference);
     if is_dark == Some(false) || is_dark.is_none() && pair.outliers().is_some() {

@@ -1,8 +1,8 @@
-//! Whether a few pixels hold most of an image's error, which is larger than that of a path tracer in the same time.
+//! Whether a few pixels hold most of an image's error, and this error exceeds that of a path tracer in the same time.
 
 use super::images::Images;
 
-/// Error of the passes that a few pixels hold.
+/// Error of the passes in a few pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outliers {
     /// Relative mean square error of the passes, over that of the path tracer in about the same time.
@@ -13,12 +13,12 @@ pub struct Outliers {
     pub share: f64,
 }
 
-/// Times the error of a path tracer from which on outliers are too many.
+/// The ratio to a path tracer's error from which on outliers are too many.
 const RATIO: f64 = 20.0;
-/// Share of the pixels, and of the error that they hold at least.
+/// Share of the pixels examined, and the share of the error from which on they are too many.
 const PIXELS: f64 = 0.01;
 const SHARE: f64 = 0.6;
-/// Relative error that is none: squared.
+/// Squared relative error that counts as none.
 const FLOOR: f64 = 1e-7;
 
 /// The outliers of a picture, if they are too many.
@@ -26,19 +26,19 @@ pub fn outliers(images: &Images, reference: &Images) -> Option<Outliers> {
     tail(images, reference).filter(|o| o.ratio > RATIO && o.share > SHARE)
 }
 
-/// Whether a scene has the outliers that passes had: the path tracer does not have far less error in each of its
-/// `controls`, all compared with the same deep picture. A light in thick smoke has a tail that few pictures show.
+/// Whether the scene itself has the outliers that passes had: in some of its `controls` the path tracer's error is not
+/// far smaller, all compared with the same deep picture. A light in thick smoke has a tail that few pictures show.
 pub fn are_of_scene(found: &Outliers, mut controls: impl Iterator<Item = Images>, reference: &Images) -> bool {
     controls.any(|control| tail(&control, reference).is_some_and(|own| RATIO * own.ratio.max(1.0) > found.ratio))
 }
 
-/// Those pixels that hold most of the error.
+/// The pixels that hold most of the error.
 fn tail(images: &Images, reference: &Images) -> Option<Outliers> {
     let count = images.pixels.len() as f64;
     let all = reference.pixels.iter().flatten();
     let mean = all.map(|e| e.mean()).sum::<f64>() / (3.0 * count);
     if mean <= 0.0 {
-        // What the path tracer never found has no error to compare with.
+        // There is no error to compare with where the path tracer found nothing.
         return None;
     }
     let mut ours = Vec::with_capacity(images.pixels.len());
@@ -49,7 +49,7 @@ fn tail(images: &Images, reference: &Images) -> Option<Outliers> {
             let weight = 1.0 / (r.mean() * r.mean() + 0.01 * mean * mean + f64::MIN_POSITIVE);
             let variance = r.std_error() * r.std_error();
             let off = p.mean() - r.mean();
-            // Noise of the deep picture in a pixel is no error of this one.
+            // The deep picture's noise in a pixel is not this picture's error.
             error += weight * (off * off - 4.0 * variance).max(0.0);
             theirs += weight * variance;
         }

@@ -1,4 +1,4 @@
-//! A smaller scene with the same fault: things are taken out and made plain as long as the fault stays.
+//! Reduces a scene with a fault: removes and simplifies things as long as the fault stays.
 
 use super::many::examine_alone;
 use super::{Effort, Verdict};
@@ -6,7 +6,7 @@ use crate::random_scene::RandomScene;
 use crate::random_scene::draw::{number, table};
 use toml::{Table, Value};
 
-/// The kind of a fault; none where there is none.
+/// The kind of a fault; `None` if there is none.
 fn fault(verdict: &Result<Verdict, String>) -> Option<&str> {
     match verdict {
         Ok(verdict) => verdict.is_fault().then(|| verdict.word()),
@@ -14,8 +14,8 @@ fn fault(verdict: &Result<Verdict, String>) -> Option<&str> {
     }
 }
 
-/// Take out of the scene what its fault does not need, as long as it stays a fault of its kind. `step` is told of every
-/// scene that still has it.
+/// Removes from the scene what its fault does not need, as long as it stays a fault of its kind. `step` is called with
+/// every scene that still has it.
 pub fn shrink(
     scene: &RandomScene,
     effort: &Effort,
@@ -49,7 +49,7 @@ pub fn shrink(
     }
 }
 
-/// Scenes with one thing less, those that save most first.
+/// Scenes with one thing removed, the largest savings first.
 fn candidates(scene: &Table) -> Vec<Table> {
     let mut all = Vec::new();
     for key in ["rules", "lights", "shapes"] {
@@ -116,7 +116,7 @@ fn candidates(scene: &Table) -> Vec<Table> {
     all
 }
 
-/// All entries of tables, with the way to them; numbers stand for places in lists.
+/// All entries of tables, with their paths; numbers are positions in lists.
 fn visit(table: &Table, way: &mut Vec<String>, out: &mut Vec<(Vec<String>, Value)>) {
     for (key, value) in table {
         way.push(key.clone());
@@ -172,7 +172,7 @@ fn without(scene: &Table, path: &[String]) -> Table {
     scene
 }
 
-/// Without materials and media that nothing names.
+/// Without materials and media that nothing refers to.
 fn without_unused(mut scene: Table) -> Table {
     let mut names = Vec::new();
     let mut entries = Vec::new();

@@ -1,7 +1,7 @@
-//! Calls to a coordinator: all the way from the message to the books and the sum, without a network between.
+//! Calls to a coordinator, from the message to the ledger and the sum, without a network.
 //!
-//! What is refused changes nothing that counts, and what is taken is what it says: whatever came, the job ends with the
-//! right bits.
+//! What is refused changes nothing that counts, and what is accepted is what it claims to be: whatever came, the job
+//! ends with the right bits.
 
 use axum::Router;
 use beamfarm_coordinator::ledger::Done;
@@ -27,9 +27,9 @@ use tonic::{Code, Status};
 
 const WIDTH: u32 = 5;
 const HEIGHT: u32 = 4;
-/// Calls of one input.
+/// Calls per input.
 const CALLS: usize = 16;
-/// Bytes of a part of a delivery.
+/// Bytes in one part of a delivery.
 const PART: usize = 1001;
 
 thread_local! {
@@ -93,7 +93,7 @@ fn node(block: Block) -> Option<Node> {
     match block.level {
         0 => leaves.next(),
         1 => Node::join(leaves.next()?, leaves.next()?).ok(),
-        // Nothing here is handed out in larger blocks.
+        // No larger blocks are handed out here.
         _ => None,
     }
 }
@@ -107,7 +107,7 @@ fn average(nodes: impl IntoIterator<Item = Node>) -> Option<Average> {
     sum.average()
 }
 
-/// All that counts of a job.
+/// Everything that counts in a job.
 #[derive(Clone, Debug, PartialEq)]
 struct State {
     prefix: u64,
@@ -119,10 +119,10 @@ struct State {
     average: Option<Average>,
 }
 
-/// Who does what: number, state, passes that count, what is being rendered.
+/// The workers: number, state, passes that count, what each is rendering.
 type Crew = Vec<(u64, WorkerState, u64, Option<(Block, u64)>)>;
 
-/// A coordinator, and the way to it.
+/// A coordinator, and a way to call it.
 struct Site {
     farm: Arc<Farm>,
     router: Router,
@@ -178,7 +178,7 @@ impl Site {
         }
     }
 
-    /// The job is complete, and is what it would be without anything that was refused.
+    /// The job is complete, and has the bits that it would have without the refused calls.
     fn check_end(&self, nodes: impl IntoIterator<Item = Node>) {
         assert_eq!(self.farm.end(), Some(End::Complete));
         assert_eq!(self.farm.average(), average(nodes));
@@ -218,7 +218,7 @@ impl Worker {
         Ok(())
     }
 
-    /// As workers do it.
+    /// As workers do.
     async fn deliver(&mut self, (lease, block): (u64, Block)) {
         let Some(bytes) = delivery(block) else {
             panic!("{block} is larger than expected")
@@ -229,7 +229,7 @@ impl Worker {
         }
     }
 
-    /// Deliver what there is until the job is over.
+    /// Delivers blocks until the job is over.
     async fn finish(&mut self, site: &Site) {
         for _ in 0..1000 {
             if let Some(leased) = self.lease().await {
@@ -253,7 +253,7 @@ fn header(worker: u64, lease: u64, block: Block, bytes: &[u8]) -> wire::SubmitHe
     }
 }
 
-/// What must work.
+/// Calls that must succeed.
 fn taken<T>(answer: Result<tonic::Response<T>, Status>) -> T {
     match answer {
         Ok(reply) => reply.into_inner(),
@@ -261,7 +261,7 @@ fn taken<T>(answer: Result<tonic::Response<T>, Status>) -> T {
     }
 }
 
-/// A refusal, and not a panic of whoever should have refused.
+/// A refusal, not a panic in the code that should refuse.
 fn check_refusal(status: &Status) {
     let broken = [Code::Unknown, Code::Cancelled, Code::Unimplemented];
     assert!(!broken.contains(&status.code()), "{status}");
@@ -271,7 +271,7 @@ fn block_on<T>(work: impl Future<Output = T>) -> Option<T> {
     RUNTIME.with(|runtime| Some(runtime.as_ref()?.block_on(work)))
 }
 
-/// Calls of those who steer, one after the other: each a byte that says which, a length, and the message.
+/// Calls of clients that steer, one after the other: each a byte that selects the call, a length, and the message.
 pub fn control(data: &[u8]) {
     block_on(steer(data));
 }
@@ -314,7 +314,7 @@ async fn steer(mut data: &[u8]) {
                 }
                 (answer, fits && !over)
             }
-            // Nobody here writes images.
+            // Nobody writes images here.
             _ => (control.write_now(wire::WriteNowRequest {}).await.map(drop), false),
         };
         match answer {
@@ -337,7 +337,7 @@ async fn steer(mut data: &[u8]) {
     assert_eq!(site.crew(), crew);
 }
 
-/// A message that gives leases back. The workers' numbers and the leases' in it count from the first that there is.
+/// A message that gives leases back. Its numbers of workers and leases count from the first existing one.
 pub fn give_back(data: &[u8]) {
     let Ok(request) = wire::GiveBackRequest::decode(data) else {
         return;
@@ -368,7 +368,7 @@ async fn return_leases(mut request: wire::GiveBackRequest) {
     let is_given = |lease: u64| request.leaving || named.contains(&lease);
     let (state, crew) = (site.state(), site.crew());
     let answer = here.farm.give_back(request.clone()).await;
-    // Giving back never takes away what is there.
+    // Giving back never removes what is already delivered.
     assert_eq!(site.state(), state);
     match answer {
         Ok(_) => assert!(is_known),
@@ -378,7 +378,7 @@ async fn return_leases(mut request: wire::GiveBackRequest) {
             assert_eq!(site.crew(), crew);
         }
     }
-    // What is not held any more is handed out again, and nothing else.
+    // Leases no longer held are handed out again, and nothing else.
     let mut free: Vec<Block> = held
         .iter()
         .filter(|(lease, _)| is_here && is_given(*lease))
@@ -394,7 +394,7 @@ async fn return_leases(mut request: wire::GiveBackRequest) {
     for block in free {
         assert_eq!(third.lease().await.map(|leased| leased.1), Some(block));
     }
-    // Whoever delivers it in the end.
+    // Whoever delivers them in the end.
     for leased in held {
         here.deliver(leased).await;
     }
@@ -405,13 +405,13 @@ async fn return_leases(mut request: wire::GiveBackRequest) {
     site.check_end((0..6).filter_map(|pass| node(Block::leaf(pass))));
 }
 
-/// A delivery: a byte whose lowest bit says that size and hash are to be put right, the length of the header, the
-/// header, the picture. The worker's number and the lease's count from those that there are.
+/// A delivery: a byte whose lowest bit asks to correct size and hash, the length of the header, the header, the
+/// picture. The numbers of worker and lease count from the existing ones.
 pub fn submit(data: &[u8]) {
     submitted(data);
 }
 
-/// As [`submit`]; whether it was taken.
+/// As [`submit`]; returns whether it was accepted.
 pub fn submitted(data: &[u8]) -> bool {
     let Some(([flags, length], rest)) = data.split_first_chunk() else {
         return false;
@@ -452,7 +452,7 @@ async fn send(mut header: wire::SubmitHeader, bytes: &[u8]) -> bool {
         Err(status) => {
             check_refusal(status);
             assert_eq!(site.state(), before);
-            // The pass is not lost, and the worker not either.
+            // Neither the pass nor the worker is lost.
             worker.deliver(leased).await;
             node(leased.1)
         }
@@ -462,7 +462,7 @@ async fn send(mut header: wire::SubmitHeader, bytes: &[u8]) -> bool {
     answer.is_ok()
 }
 
-/// Inputs to begin with, by target and name.
+/// Initial inputs, by target and name.
 pub fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let extend = |passes| {
         let message = wire::ExtendRequest { passes }.encode_to_vec();

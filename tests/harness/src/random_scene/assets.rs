@@ -5,12 +5,12 @@ use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 
-/// A file beside a scene.
+/// A file of a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Asset {
-    /// As the scene names it.
+    /// Its name in the scene.
     pub name: String,
-    /// What is in it.
+    /// Its contents.
     pub bytes: Vec<u8>,
 }
 
@@ -121,7 +121,7 @@ pub fn relief(draw: &mut Draw) -> Vec<u8> {
     })
 }
 
-/// A sky of smooth colours with a sun of so many times their radiance and some width, as a Radiance HDR picture.
+/// A sky of smooth colours with a sun of some width that has `sun` times their radiance, as a Radiance HDR picture.
 pub fn sky(draw: &mut Draw, sun: f64) -> Vec<u8> {
     let zenith = draw.channels(0.2, 1.0);
     let ground = draw.channels(0.05, 0.5);
@@ -139,7 +139,7 @@ pub fn sky(draw: &mut Draw, sun: f64) -> Vec<u8> {
     })
 }
 
-/// A picture of the values at the centres of pixels in the unit square, the first row on top.
+/// A picture of the values at pixel centres in the unit square, the first row on top.
 fn hdr(width: usize, height: usize, value: impl Fn(f64, f64) -> [f64; 3]) -> Vec<u8> {
     let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
     for row in 0..height {

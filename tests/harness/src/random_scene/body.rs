@@ -1,4 +1,4 @@
-//! Random things to look at: what they are made of, and what is inside of them.
+//! Random objects: their materials and their interiors.
 
 use super::assets;
 use super::builder::{Builder, Pose};
@@ -8,22 +8,22 @@ use super::material;
 use glam::DVec3;
 use toml::{Table, Value};
 
-/// Where a thing goes, and what is around it.
+/// Where an object goes, and what is around it.
 #[derive(Clone, Debug)]
 pub struct Spot {
-    /// Its middle.
+    /// Its centre.
     pub center: DVec3,
     /// It stays within a ball of this radius.
     pub radius: f64,
-    /// It stands on the plane y = 0, whatever the height of its middle.
+    /// It stands on the plane y = 0, whatever the height of its centre.
     pub stands: bool,
     /// Name of the medium around it, if it is not the world's.
     pub medium: Option<String>,
-    /// How many things it is inside of.
+    /// How many objects it is inside.
     pub depth: u32,
 }
 
-/// Add a thing.
+/// Adds an object.
 pub fn body(b: &mut Builder, spot: &Spot) {
     match b.draw.unit() {
         x if x < 0.38 => opaque(b, spot),
@@ -35,7 +35,7 @@ pub fn body(b: &mut Builder, spot: &Spot) {
     }
 }
 
-/// A closed shape of its own space's ball, cube or mesh, without material.
+/// A closed ball, cube or mesh in its own space, without material.
 fn closed(b: &mut Builder, spot: &Spot) -> (Table, Pose) {
     let kind = b.draw.pick(&["sphere", "sphere", "cube", "cube", "cube", "mesh"]);
     let turn = match spot.stands {
@@ -80,7 +80,7 @@ fn closed(b: &mut Builder, spot: &Spot) -> (Table, Pose) {
     (shape, pose)
 }
 
-/// Opaque things: closed, open, dented, with holes.
+/// Opaque objects: closed, open, dented, with holes.
 fn opaque(b: &mut Builder, spot: &Spot) {
     let (mut shape, pose) = match b.draw.chance(0.7) {
         true => closed(b, spot),
@@ -154,7 +154,7 @@ fn open(b: &mut Builder, spot: &Spot) -> (Table, Pose) {
     (shape, pose)
 }
 
-/// A thin sheet: a pane, or something with holes.
+/// A thin sheet: a pane, or one with holes.
 fn sheet(b: &mut Builder, spot: &Spot) {
     let (mut shape, _) = open(b, spot);
     let material = match b.lobes {
@@ -173,7 +173,7 @@ fn sheet(b: &mut Builder, spot: &Spot) {
     b.shapes.push(shape);
 }
 
-/// Bound what is inside by a material, if there is anything inside.
+/// Gives the interior a boundary material, if there is an interior.
 fn bound(shape: &mut Table, material: String, interior: Option<&str>, spot: &Spot) {
     shape.insert("material".into(), material.into());
     if let Some(interior) = interior {
@@ -184,7 +184,7 @@ fn bound(shape: &mut Table, material: String, interior: Option<&str>, spot: &Spo
     }
 }
 
-/// Glass: empty, full, or with something in it.
+/// Glass: empty, full, or with an object in it.
 fn glass(b: &mut Builder, spot: &Spot) {
     let (mut shape, pose) = closed(b, spot);
     let material = material::glass(&mut b.draw, b.lobes);
@@ -196,7 +196,7 @@ fn glass(b: &mut Builder, spot: &Spot) {
     bound(&mut shape, material, medium.as_deref(), spot);
     let is_mesh = shape.contains_key("file");
     b.shapes.push(shape);
-    // In the world's medium, glass without a medium of its own is full of it: nothing is.
+    // In the world's medium, glass without a medium of its own is full of that medium: it never contains nothing.
     inside(b, spot, &pose, is_mesh, medium.or(Some("none".into())));
 }
 
@@ -212,7 +212,7 @@ fn cloud(b: &mut Builder, spot: &Spot) {
     inside(b, spot, &pose, is_mesh, Some(medium));
 }
 
-/// Something in the middle of a thing, now and then.
+/// Something in the middle of an object, now and then.
 fn inside(b: &mut Builder, spot: &Spot, pose: &Pose, is_mesh: bool, medium: Option<String>) {
     let room = pose.half.min_element();
     if spot.depth >= 2 || room < 0.12 || !b.draw.chance(0.35) {
@@ -226,7 +226,7 @@ fn inside(b: &mut Builder, spot: &Spot, pose: &Pose, is_mesh: bool, medium: Opti
         depth: spot.depth + 1,
     };
     match b.draw.chance(0.4) {
-        // May look out of a dented mesh, as lamps may.
+        // It may stick out of a dented mesh, as lamps may.
         true => light::lamp(b, inner.center, inner.radius),
         false if is_mesh => {
             let radius = 0.45 * inner.radius;
@@ -236,7 +236,7 @@ fn inside(b: &mut Builder, spot: &Spot, pose: &Pose, is_mesh: bool, medium: Opti
     }
 }
 
-/// Two cubes that share a face and stand on the ground: two media, or one and glass.
+/// Two cubes on the ground that share a face: two media, or a medium and glass.
 fn pair(b: &mut Builder, spot: &Spot) {
     let half = 0.5 * spot.radius;
     let mut is_glass = false;
@@ -250,7 +250,7 @@ fn pair(b: &mut Builder, spot: &Spot) {
         let steps = b.steps(&pose);
         let mut shape = table([("type", "cube".into()), ("transform", steps.clone())]);
         let medium = b.medium(2.0 * half, 10.0, Some(steps));
-        // Of two interfaces at one place only one would be met.
+        // A ray would meet only one of two interfaces at the same place.
         is_glass = !is_glass && b.draw.chance(0.3);
         let material = match is_glass {
             true => {

@@ -1,4 +1,4 @@
-//! A scene in the making: what is in it so far, by name, in units of about the size of what is seen.
+//! A scene under construction: its contents by name, in units of about the size of what is seen.
 
 use super::assets::Asset;
 use super::draw::{Draw, number, table, vector};
@@ -7,18 +7,18 @@ use super::medium::{self, Extent};
 use glam::DVec3;
 use toml::{Table, Value};
 
-/// A scene in the making.
+/// A scene under construction.
 #[derive(Debug)]
 pub struct Builder {
-    /// Where its numbers come from.
+    /// The source of its numbers.
     pub draw: Draw,
-    /// Scene units in a unit of the builder.
+    /// Scene units per unit of the builder.
     pub scale: f64,
     /// Which lobes surfaces may have.
     pub lobes: Lobes,
     /// Name of the world's medium, when there is one.
     pub world: Option<String>,
-    /// Balls that are taken: what is in the scene, and the camera.
+    /// Occupied balls: the objects of the scene, and the camera.
     pub taken: Vec<(DVec3, f64)>,
     pub(super) media: Table,
     pub(super) materials: Table,
@@ -28,19 +28,19 @@ pub struct Builder {
     pub(super) assets: Vec<Asset>,
 }
 
-/// Where a shape that is given in [-1, 1]^3 goes.
+/// Where a shape given in [-1, 1]^3 goes.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose {
     /// Half sides.
     pub half: DVec3,
-    /// Axis and degrees of a turn.
+    /// Axis and angle in degrees of a rotation.
     pub turn: (DVec3, f64),
-    /// Where its middle goes.
+    /// Where its centre goes.
     pub center: DVec3,
 }
 
 impl Builder {
-    /// Nothing yet.
+    /// An empty scene.
     pub fn new(mut draw: Draw) -> Self {
         let scale = match draw.chance(0.5) {
             true => 1.0,
@@ -72,7 +72,7 @@ impl Builder {
         vector(p * self.scale)
     }
 
-    /// The steps of a pose.
+    /// The transform steps of a pose.
     pub fn steps(&self, pose: &Pose) -> Value {
         let mut steps = vec![table([("scale", self.position(pose.half))]).into()];
         let (axis, angle) = pose.turn;
@@ -94,20 +94,20 @@ impl Builder {
         name
     }
 
-    /// The name of a new material that lets nothing through.
+    /// The name of a new opaque material.
     pub fn opaque(&mut self, bright: f64) -> String {
         let material = material::opaque(&mut self.draw, self.lobes, bright);
         self.material(material)
     }
 
-    /// The name of the material of boundaries.
+    /// The name of the boundary material.
     pub fn null(&mut self) -> String {
         let null = table([("type", "null".into())]);
         self.materials.insert("null".into(), null.into());
         "null".into()
     }
 
-    /// The name of a new medium of something so large, in units of the builder.
+    /// The name of a new medium for an object of this size, in units of the builder.
     pub fn medium(&mut self, across: f64, max_depth: f64, steps: Option<Value>) -> String {
         let name = format!("medium{}", self.media.len());
         let extent = Extent {
@@ -131,7 +131,7 @@ impl Builder {
         name
     }
 
-    /// A place for a ball of this radius in a box, some way off from all others.
+    /// A place in a box for a ball of this radius, at some distance from all others.
     pub fn place(&mut self, low: DVec3, high: DVec3, radius: f64) -> Option<DVec3> {
         for _ in 0..30 {
             let p = self.draw.point(low, high);

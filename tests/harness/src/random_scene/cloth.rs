@@ -4,11 +4,11 @@ use super::builder::Builder;
 use super::draw::{Draw, colour, number};
 use toml::{Table, Value};
 
-/// Seeds of other scenes are not near.
+/// Far from the seeds of other scenes.
 const STREAM: u64 = 0x636c_6f74_685f_7379;
 
-/// Of surfaces that are neither, in one of six scenes: what is diffuse is rough or a layer of fibres, and what is
-/// principled has a rough base and fibres over it.
+/// In one of six scenes: turns diffuse materials into rough ones or layers of fibres, and gives principled ones a rough
+/// base with fibres over it.
 pub fn weave(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM);
     if !draw.chance(1.0 / 6.0) {

@@ -1,4 +1,4 @@
-//! Numbers for scenes: drawn from a seed, and short enough to be read.
+//! Numbers for scenes, drawn from a seed and short enough to read.
 
 use beamfarm_render::sampler::{Purpose, Sampler};
 use glam::DVec3;
@@ -10,7 +10,7 @@ use toml::Value;
 pub struct Draw(Sampler);
 
 impl Draw {
-    /// That of a seed.
+    /// The stream of a seed.
     pub fn new(seed: u64) -> Self {
         Self(Sampler::new(seed, 0, Purpose::Test, 0))
     }
@@ -25,7 +25,7 @@ impl Draw {
         low + (high - low) * self.unit()
     }
 
-    /// In [low, high), every order of magnitude being as likely as another.
+    /// In [low, high), log-uniform.
     pub fn log_between(&mut self, low: f64, high: f64) -> f64 {
         libm::exp(self.between(libm::log(low), libm::log(high)))
     }
@@ -40,7 +40,7 @@ impl Draw {
         among[(self.unit() * among.len() as f64) as usize]
     }
 
-    /// Each of three channels between the bounds; often all three alike.
+    /// Each of three channels between the bounds; often all three are equal.
     pub fn channels(&mut self, low: f64, high: f64) -> [f64; 3] {
         match self.chance(0.4) {
             true => [self.between(low, high); 3],
@@ -66,7 +66,7 @@ impl Draw {
     }
 }
 
-/// Four digits of a number. The same number always has the same digits, so what touches goes on touching.
+/// A number to four digits. The same number always gets the same digits, so that what touches still touches.
 pub fn number(x: f64) -> Value {
     Value::Float(format!("{x:.3e}").parse().unwrap_or(x))
 }
@@ -76,7 +76,7 @@ pub fn vector(v: DVec3) -> Value {
     Value::Array(v.to_array().map(number).to_vec())
 }
 
-/// A colour; one number for a grey.
+/// A colour; a single number for grey.
 pub fn colour(channels: [f64; 3]) -> Value {
     match channels {
         [r, g, b] if r == g && g == b => number(r),

@@ -1,4 +1,4 @@
-//! Random lights, such that a path tracer finds them in the scene that they are in.
+//! Random lights that a path tracer finds in their scene.
 
 use super::assets;
 use super::builder::{Builder, Pose};
@@ -7,10 +7,10 @@ use super::material::Lobes;
 use glam::DVec3;
 use toml::{Table, Value};
 
-/// Seeds of other scenes are not near.
+/// Far from the seeds of other scenes.
 const STREAM: u64 = 0x736f_6674_6e65_7373;
 
-/// How far lamps are from what they light, about.
+/// Approximate distance of lamps from what they light.
 const DISTANCE: f64 = 1.5;
 
 impl Builder {
@@ -26,10 +26,10 @@ impl Builder {
     }
 }
 
-/// Add a lamp: a shape that emits and stays within the ball.
+/// Adds a lamp: a shape that emits and stays within the ball.
 pub fn lamp(b: &mut Builder, center: DVec3, radius: f64) {
     let kinds: &[&str] = match b.lobes {
-        // What shines to one side from within glass, a path tracer hardly finds.
+        // A path tracer hardly finds one-sided lamps in glass.
         Lobes::Any => &["sphere", "sphere", "mesh"],
         Lobes::Wide => &["sphere", "sphere", "disc", "rectangle", "mesh"],
     };
@@ -43,7 +43,7 @@ pub fn lamp(b: &mut Builder, center: DVec3, radius: f64) {
     hang(b, kind, pose);
 }
 
-/// Add a lamp of this kind of shape.
+/// Adds a lamp of this kind of shape.
 pub fn hang(b: &mut Builder, kind: &str, mut pose: Pose) {
     let name = b.light_name();
     if kind == "sphere" {
@@ -76,14 +76,14 @@ pub struct Air {
     pub is_foggy: bool,
 }
 
-/// Add a lamp or another light that is somewhere.
+/// Adds a lamp or another light that has a position.
 pub fn local(b: &mut Builder, air: &Air) {
     let is_wide = b.lobes == Lobes::Wide;
     let radius = match (is_wide, air.is_foggy) {
         (true, false) if b.draw.chance(0.5) => b.draw.log_between(0.003, 0.1),
-        // A point in fog has no variance that is finite.
+        // A point light in fog has infinite variance.
         (true, _) => b.draw.log_between(0.08, 0.3),
-        // What is seen by mirrors and glass alone is found by chance alone.
+        // Lamps seen only in mirrors and through glass are found by chance.
         (false, _) => b.draw.between(0.2, 0.4),
     };
     let Some(center) = b.place(air.low, air.high, radius.max(0.1)) else {
@@ -95,7 +95,7 @@ pub fn local(b: &mut Builder, air: &Air) {
     match b.draw.chance(0.6) {
         true => lamp(b, center, radius),
         false => {
-            // Hangs there and shines down.
+            // It hangs there and shines downwards.
             let kind = b.draw.pick(&["rectangle", "disc"]);
             let pose = Pose {
                 half: DVec3::splat(radius),
@@ -125,7 +125,7 @@ fn point(b: &mut Builder, center: DVec3) {
     b.lights.push(light);
 }
 
-/// Add a light from infinitely far away, or from so far that it nearly is.
+/// Adds a light at infinity, or nearly so.
 pub fn distant(b: &mut Builder) {
     let choices: &[&str] = match b.lobes {
         Lobes::Any => &["environment", "environment", "dome", "far"],
@@ -160,7 +160,7 @@ pub fn distant(b: &mut Builder) {
             b.shapes.push(light);
         }
         _ => {
-            // A huge ball, far away, of about the size that a lamp here has.
+            // A huge ball far away, with about the angular size of a lamp here.
             let distance = b.draw.log_between(10.0, 300.0);
             let mut towards = b.draw.direction();
             towards.y = towards.y.abs() + 0.3;
@@ -196,7 +196,7 @@ fn environment(b: &mut Builder) {
     b.lights.push(light);
 }
 
-/// Give lamps that can have it soft falloff, by random numbers of its own: half of them in half of the scenes.
+/// In half of the scenes, gives half of the lamps that can have it soft falloff, using its own random numbers.
 pub fn soften(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM);
     if draw.chance(0.5) {

@@ -3,15 +3,15 @@
 use super::draw::{Draw, colour, number, table};
 use toml::{Table, Value};
 
-/// From this roughness on, a path tracer finds lights that are points by way of a surface.
+/// From this roughness on, a path tracer finds point lights by way of a surface.
 pub const WIDE: f64 = 0.15;
 
-/// Which lobes the surfaces of a scene may have.
+/// Which lobes a scene's surfaces may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobes {
-    /// Mirrors, glass, and every roughness. Lights must be of some size.
+    /// Mirrors, glass, and every roughness. Lights must have some size.
     Any,
-    /// None that is narrower than that of [`WIDE`]. Lights may be points.
+    /// None narrower than that of [`WIDE`]. Lights may be points.
     Wide,
 }
 
@@ -24,7 +24,7 @@ impl Lobes {
     }
 }
 
-/// A material that lets nothing through. `bright`: its largest reflectance, if it has one.
+/// An opaque material. `bright`: its largest reflectance, if it has one.
 pub fn opaque(draw: &mut Draw, lobes: Lobes, bright: f64) -> Table {
     let kinds: &[&str] = match lobes {
         Lobes::Any => &[
@@ -81,7 +81,7 @@ pub fn opaque(draw: &mut Draw, lobes: Lobes, bright: f64) -> Table {
     material
 }
 
-/// A reflectance, or squares of two.
+/// A reflectance, or a checkerboard of two.
 fn reflectance(draw: &mut Draw, bright: f64) -> Value {
     let one = colour(draw.channels(0.0, bright));
     match draw.chance(0.15) {

@@ -4,18 +4,18 @@ use super::assets::{self, Asset};
 use super::draw::{Draw, colour, number, table};
 use toml::{Table, Value};
 
-/// What a medium is made for.
+/// The extent that a medium is made for.
 #[derive(Clone, Debug)]
 pub struct Extent {
-    /// What it measures across, scene units.
+    /// Width, scene units.
     pub across: f64,
-    /// Largest optical depth across.
+    /// Largest optical depth across it.
     pub max_depth: f64,
-    /// Steps that take the box [-1, 1]^3 to where it is, for densities that vary; without them it is homogeneous.
+    /// For varying densities, the steps that place the box [-1, 1]^3; without them the medium is homogeneous.
     pub steps: Option<Value>,
 }
 
-/// A medium of this extent, and the files that it names. `name`: of the medium, to name files after.
+/// A medium of this extent, and its files. `name`: of the medium, used for the names of files.
 pub fn medium(draw: &mut Draw, name: &str, extent: &Extent) -> (Table, Vec<Asset>) {
     let depth = draw.log_between(0.01, extent.max_depth);
     let spread = draw.pick(&[1.0, 1.0, 1.0, 3.0, 10.0]);
@@ -24,7 +24,7 @@ pub fn medium(draw: &mut Draw, name: &str, extent: &Extent) -> (Table, Vec<Asset
         _ => std::array::from_fn(|_| (depth * draw.log_between(1.0 / spread, spread)).min(extent.max_depth)),
     }
     .map(|depth| depth / extent.across);
-    // Paths in what is thick and clear have no end: up to some hundred scatterings.
+    // Paths in dense media that absorb little hardly end: allow up to some hundred scatterings.
     let most = if depth > 10.0 { 0.99 } else { 1.0 };
     let one = |draw: &mut Draw| match draw.chance(0.5) {
         true => draw.between(0.0, 1.0),

@@ -1,8 +1,8 @@
-//! Random small scenes, to compare the passes with the path tracer on what nobody thought of.
+//! Small random scenes for comparing passes with the path tracer on cases that nobody thought of.
 //!
-//! A seed is a scene. What a path tracer cannot find is left out by construction: where surfaces may be mirrors, glass,
-//! or of less roughness than [`material::WIDE`], all lights have some size; and lights that are points are not within
-//! fog, where their variance is infinite. Of rules there are none of photons, of which the path tracer knows nothing.
+//! Each seed is a scene. What a path tracer cannot find is excluded by construction: where surfaces may be mirrors,
+//! glass, or less rough than [`material::WIDE`], all lights have some size; and point lights are never in fog, where
+//! their variance is infinite. There are no visibility rules for photons, of which the path tracer knows nothing.
 
 pub mod assets;
 pub mod body;
@@ -31,7 +31,7 @@ use toml::{Table, Value};
 pub struct RandomScene {
     /// The scene file.
     pub table: Table,
-    /// Files beside it.
+    /// Its other files.
     pub assets: Vec<Asset>,
 }
 
@@ -80,7 +80,7 @@ impl RandomScene {
         }
     }
 
-    /// A scene that was written.
+    /// Reads a written scene.
     pub fn read(path: &Path) -> std::io::Result<Self> {
         let text = std::fs::read_to_string(path)?;
         let table: Table = text.parse().map_err(std::io::Error::other)?;
@@ -101,7 +101,7 @@ impl RandomScene {
         self.table.to_string()
     }
 
-    /// What the scene says, unless it is not valid.
+    /// The scene's description, if it is valid.
     pub fn description(&self) -> Result<SceneDescription, String> {
         let mut bundle = Bundle {
             scene: "random.toml".into(),
@@ -115,12 +115,12 @@ impl RandomScene {
         beamfarm_scene::load(&bundle).map_err(|error| error.to_string())
     }
 
-    /// The scene, unless it is not valid.
+    /// The scene, if it is valid.
     pub fn load(&self) -> Result<Scene, String> {
         self.description().map(Scene::new)
     }
 
-    /// Write NAME.toml and what it names into a folder of that name.
+    /// Writes NAME.toml and its files into a folder of that name.
     pub fn write(&self, folder: &Path, name: &str) -> std::io::Result<PathBuf> {
         let folder = folder.join(name);
         std::fs::create_dir_all(&folder)?;
@@ -135,7 +135,7 @@ impl RandomScene {
         Ok(path)
     }
 
-    /// What is in it, in a line: kinds of shapes, materials, media and lights, with what matters most of them.
+    /// A summary in one line: kinds of shapes, materials, media and lights, with their main properties.
     pub fn summary(&self) -> String {
         let mut words = BTreeSet::new();
         let tables = |key: &str| -> Vec<&Table> {

@@ -1,4 +1,4 @@
-//! Curves and points in random scenes, by random numbers of their own.
+//! Curves and points in random scenes, from separate random numbers.
 
 use super::builder::Builder;
 use super::draw::{Draw, colour, number, table};
@@ -6,11 +6,10 @@ use super::material;
 use glam::DVec3;
 use toml::{Table, Value};
 
-/// Seeds of other scenes are not near.
+/// Far from the seeds of other scenes.
 const STREAM: u64 = 0x6861_6972_7374_7261;
 
-/// Let strands grow, or balls lie, where some shape is, in the space that it stands in. Most scenes are left as they
-/// were.
+/// Adds strands or balls where some shape is, in that shape's surroundings. Most scenes are left as they are.
 pub fn grow(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM);
     if !draw.chance(0.2) {
@@ -40,7 +39,8 @@ pub fn grow(b: &mut Builder, seed: u64) {
             shape.insert("type".into(), "curves".into());
             shape.insert("basis".into(), draw.pick(&["linear", "b_spline", "catmull_rom"]).into());
         }
-        // Hair's model leaves light where it comes in, which holds of what is thin beside all that is around it.
+        // The hair model lets light leave where it enters, which holds for hairs that are thin compared with their
+        // surroundings.
         let widest = if of_hair { 0.012 } else { 0.12 };
         shape.insert("points".into(), points(&mut draw, widest).into());
         b.shapes.push(shape);
@@ -59,7 +59,7 @@ fn hair(draw: &mut Draw) -> Table {
     hair
 }
 
-/// Rows of places about the unit ball, and radii.
+/// Rows of positions around the unit ball, and radii.
 fn points(draw: &mut Draw, widest: f64) -> Vec<Value> {
     let mut at = draw.direction() * draw.between(0.3, 1.1);
     let mut points = Vec::new();

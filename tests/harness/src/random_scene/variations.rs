@@ -1,6 +1,6 @@
-//! What is done to a scene once it is there, by random numbers of its own: lamps that rays pass, blends, lobes, and
-//! numbers by texture, graphs, leaves, skin, surfaces that emit by a texture or on both sides, parallel rays, glass
-//! that splits light, spots and suns with a size. Many scenes are left as they were by each of the parts.
+//! Variations of a finished scene, from separate random numbers: lamps that rays pass, blends, lobes, textured numbers,
+//! graphs, leaves, skin, textured and two-sided emitters, parallel rays, dispersive glass, spots and suns with a size.
+//! Each leaves many scenes as they are.
 
 use super::builder::Builder;
 use super::draw::{Draw, colour, number, table};
@@ -8,13 +8,13 @@ use super::material::{self, Lobes, WIDE};
 use glam::DVec3;
 use toml::{Table, Value};
 
-/// Seeds of other scenes are not near.
+/// Far from the seeds of other scenes.
 const STREAM: u64 = 0x7661_7269_6174_696f;
 
-/// Fields of a material that a blend takes for all of its parts.
+/// Fields of a material that a blend takes over for all its parts.
 const AROUND: [&str; 3] = ["bump", "normal_map", "opacity"];
 
-/// Vary what is there.
+/// Varies the scene.
 pub fn vary(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM);
     if draw.chance(0.5) {
@@ -65,7 +65,7 @@ pub fn vary(b: &mut Builder, seed: u64) {
     }
 }
 
-/// A pattern of where points are: a node that gives a number from 0 to 1.
+/// A pattern over position: a node with values from 0 to 1.
 fn pattern(draw: &mut Draw, scale: f64) -> Table {
     let of = draw.pick(&["object", "generated", "world"]);
     let size = if of == "generated" { 1.0 } else { scale };
@@ -80,7 +80,7 @@ fn pattern(draw: &mut Draw, scale: f64) -> Table {
         _ => None,
     };
     if kind == "white_noise" {
-        // By cells, or no two points are alike.
+        // Constant within cells, or different at every point.
         let mut cells = table([("node", "vector_math".into()), ("operation", "snap".into())]);
         let Some(inner) = node.remove("vector") else {
             return node;
@@ -97,7 +97,7 @@ fn pattern(draw: &mut Draw, scale: f64) -> Table {
     node
 }
 
-/// Let colours, roughness, opacity and what shines be graphs, in one of three scenes.
+/// Turns colours, roughness, opacity and emission into graphs, in one of three scenes.
 pub fn grow_graphs(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(8));
     if !draw.chance(1.0 / 3.0) {
@@ -131,7 +131,7 @@ pub fn grow_graphs(b: &mut Builder, seed: u64) {
         if let Some(least) = material.get("roughness").and_then(Value::as_float)
             && draw.chance(0.4)
         {
-            // Not narrower than it was.
+            // At least as rough as before.
             let rougher = number(draw.between(least, 1.0));
             let node = mix(&mut draw, number(least), rougher);
             material.insert("roughness".into(), node);
@@ -158,7 +158,7 @@ pub fn grow_graphs(b: &mut Builder, seed: u64) {
     }
 }
 
-/// Let light sink into what is closed, in one of three scenes without a medium.
+/// Adds subsurface scattering to closed objects, in one of three scenes without a medium.
 pub fn sink_in(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(4));
     if !draw.chance(1.0 / 3.0) || !b.media.is_empty() {
@@ -197,7 +197,8 @@ pub fn sink_in(b: &mut Builder, seed: u64) {
     }
 }
 
-/// Brush what is rough, in one of four scenes: along a tangent or across it facets are no smoother than they were.
+/// Makes rough materials anisotropic, in one of four scenes: facets are rougher along a tangent or across it, and
+/// nowhere smoother.
 pub fn brush(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(44));
     if !draw.chance(0.25) {
@@ -236,7 +237,7 @@ pub fn brush(b: &mut Builder, seed: u64) {
     }
 }
 
-/// Let something diffuse be velvet, in one of eight scenes.
+/// Turns a diffuse material into velvet, in one of eight scenes.
 pub fn pile(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(52));
     if !draw.chance(0.125) {
@@ -253,7 +254,7 @@ pub fn pile(b: &mut Builder, seed: u64) {
     }
 }
 
-/// Let something principled that light goes through have a film, in one of three scenes.
+/// Gives a transmissive principled material a thin film, in one of three scenes.
 pub fn glaze(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(56));
     if !draw.chance(1.0 / 3.0) {
@@ -270,7 +271,7 @@ pub fn glaze(b: &mut Builder, seed: u64) {
     }
 }
 
-/// Let glass split light, in one of four scenes.
+/// Makes glass dispersive, in one of four scenes.
 pub fn split_light(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(16));
     if !draw.chance(0.25) {
@@ -281,7 +282,7 @@ pub fn split_light(b: &mut Builder, seed: u64) {
         let Some(ior) = material.get("ior").and_then(Value::as_float) else {
             continue;
         };
-        // Strong, so that it is seen; never across the index of what is around.
+        // Strong enough to be seen, but never crossing the index of the surroundings.
         let is_denser = ior > 1.1;
         if is_denser {
             let abbe = number(draw.between(8.0, 60.0));
@@ -290,7 +291,7 @@ pub fn split_light(b: &mut Builder, seed: u64) {
     }
 }
 
-/// Vary what shines, and how it is looked at.
+/// Varies the lights, and the camera.
 pub fn vary_light_and_view(b: &mut Builder, camera: &mut Table, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(32));
     if draw.chance(0.5) {
@@ -321,7 +322,7 @@ pub fn vary_light_and_view(b: &mut Builder, camera: &mut Table, seed: u64) {
     }
 }
 
-/// Let spots and suns have a size, in half of the scenes.
+/// Gives spots and suns a size, in half of the scenes.
 pub fn size_lights(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(48));
     if draw.chance(0.5) {
@@ -342,7 +343,7 @@ pub fn size_lights(b: &mut Builder, seed: u64) {
     }
 }
 
-/// Let spots be lasers, lamps shine into cones, and cameras see all around, in one of four scenes each.
+/// Turns spots into lasers, lets lamps shine into cones, and makes cameras panoramic, in one of four scenes each.
 pub fn narrow_and_widen(b: &mut Builder, camera: &mut Table, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(24));
     let scale = b.scale;
@@ -385,7 +386,7 @@ pub fn narrow_and_widen(b: &mut Builder, camera: &mut Table, seed: u64) {
     }
 }
 
-/// How wide a camera's image is at what it looks at, scene units.
+/// The width of the image at the camera's target, scene units.
 fn width_at_target(camera: &Table) -> Option<f64> {
     let point = |name: &str| {
         let numbers = camera.get(name)?.as_array()?.iter().map(Value::as_float);
@@ -408,13 +409,13 @@ fn add_lobes(draw: &mut Draw, lobes: Lobes, clear: bool, material: &mut Table) {
             set(key, draw.unit());
         }
     }
-    // The coat is narrower than what a path tracer finds points by.
+    // The coat is narrower than the lobes by which a path tracer finds points.
     let has_narrow_coat = lobes == Lobes::Any && draw.chance(0.5);
     if has_narrow_coat {
         set("clearcoat", draw.unit());
         set("clearcoat_gloss", draw.unit());
     }
-    // As wide as the lobe beneath it, for the same reason.
+    // As wide as the lobe below it, for the same reason.
     if !lets_through && !has_narrow_coat && draw.chance(0.3) {
         set("coat_weight", draw.unit());
         set("coat_roughness", draw.between(0.4, 0.8));
@@ -430,7 +431,7 @@ fn add_lobes(draw: &mut Draw, lobes: Lobes, clear: bool, material: &mut Table) {
     }
 }
 
-/// The material, mixed with another.
+/// The material, blended with another.
 fn blend(draw: &mut Draw, b: &mut Builder, name: &str, mut material: Table, clear: bool) {
     let mut blend = table([("type", "blend".into())]);
     for key in AROUND {
@@ -461,13 +462,13 @@ fn blend(draw: &mut Draw, b: &mut Builder, name: &str, mut material: Table, clea
     b.materials.insert(name.into(), blend.into());
 }
 
-/// Let some media emit, evenly, by their density or another, or as black bodies.
+/// Makes some media emit: evenly, by their density or another, or as black bodies.
 pub fn kindle(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(32));
     if draw.chance(0.65) {
         return;
     }
-    // What is all around has no end.
+    // Surroundings have no end.
     let mut open: Vec<String> = b.world.iter().cloned().collect();
     for shape in &b.shapes {
         let inner = shape.get("shape").and_then(Value::as_table).unwrap_or(shape);

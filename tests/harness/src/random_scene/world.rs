@@ -1,4 +1,4 @@
-//! Random places: rooms, planes, and space, with a camera that looks at what is there.
+//! Random places: rooms, planes, and open space, with a camera that looks at the objects.
 
 use super::body::{Spot, body};
 use super::builder::{Builder, Pose};
@@ -11,7 +11,7 @@ use toml::{Table, Value};
 /// Width and height of the picture.
 pub const SIDE: i64 = 32;
 
-/// Fill a scene; returns its camera.
+/// Fills a scene; returns its camera.
 pub fn fill(b: &mut Builder) -> Table {
     let mut camera = match b.draw.pick(&[0, 0, 1, 2, 2, 2, 3]) {
         0 => closed_room(b),
@@ -69,7 +69,7 @@ fn bodies(b: &mut Builder, low: DVec3, high: DVec3, stands: bool) {
     }
 }
 
-/// Walls of a room of these half sides; `open`: without the one at +z.
+/// Walls of a room with these half sides; `open`: without the wall at +z.
 fn walls(b: &mut Builder, half: DVec3, open: bool) {
     let bright = 0.8;
     if !open && b.draw.chance(0.5) {
@@ -89,7 +89,7 @@ fn walls(b: &mut Builder, half: DVec3, open: bool) {
         return;
     }
     let alike = b.draw.chance(0.5).then(|| b.opaque(bright));
-    // Walls reach beyond each other, so that no ray finds a crack between them.
+    // Walls extend beyond each other, so that no ray finds a gap.
     let (x, y, z) = (1.02 * half.x, 1.02 * half.y, 1.02 * half.z);
     let walls = [
         ("floor", [x, z], (DVec3::X, -90.0), DVec3::NEG_Y * half.y),
@@ -121,7 +121,7 @@ fn walls(b: &mut Builder, half: DVec3, open: bool) {
     }
 }
 
-/// A medium that fills a room up to its walls, or nearly.
+/// A medium that fills a room up to its walls, or nearly so.
 fn fill_with_fog(b: &mut Builder, half: DVec3) -> String {
     let half = half * b.draw.pick(&[1.0, 0.999, 0.8]);
     let pose = Pose {
@@ -217,7 +217,7 @@ fn open_room(b: &mut Builder) -> Table {
     camera(b, eye, DVec3::ZERO, fov)
 }
 
-/// Name what is around shapes that bound media or glass.
+/// Names the surroundings of shapes that bound media or glass.
 fn around(shapes: &mut [Table], medium: &str) {
     for shape in shapes {
         let bounds =
@@ -282,7 +282,7 @@ fn space(b: &mut Builder) -> Table {
         high: DVec3::splat(1.5),
         is_foggy: b.world.is_some(),
     };
-    // What surrounds the camera as well, now and then.
+    // A medium around the camera as well, now and then.
     let cloud = (b.world.is_none() && b.draw.chance(0.2)).then(|| {
         let medium = b.medium(6.0, 5.0, None);
         let null = b.null();
@@ -312,7 +312,7 @@ fn space(b: &mut Builder) -> Table {
     camera(b, eye, DVec3::ZERO, fov)
 }
 
-/// Lights under the open sky; in fog without end, none from beyond it.
+/// Lights under the open sky; with endless fog, none from beyond it.
 fn lights(b: &mut Builder, air: &Air) {
     let is_far = b.world.is_none() && b.draw.chance(0.7);
     if is_far {
@@ -326,11 +326,11 @@ fn lights(b: &mut Builder, air: &Air) {
     }
 }
 
-/// Some rules of visibility, but none of photons.
+/// Some visibility rules, but none for photons.
 fn rules(b: &mut Builder) {
     let mut rays = vec!["camera", "reflected", "refracted"];
     if b.lobes == Lobes::Wide {
-        // Light that obeys rules is found by sampling lights alone, which narrow lobes make noisy.
+        // Light that obeys rules is found by light sampling alone, which narrow lobes make noisy.
         rays.push("shadow");
     }
     let dropped = b.draw.pick(&rays);

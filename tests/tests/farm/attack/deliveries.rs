@@ -1,4 +1,4 @@
-//! Workers that deliver what is no block of the job, in all ways.
+//! Workers that deliver what is no block of the job, in every way.
 
 use super::scene::{Dice, Stage};
 use crate::farm::harness::{HEIGHT, RawWorker, WIDTH, encode, leaf};
@@ -21,12 +21,12 @@ use tonic::transport::Channel;
 
 /// Ways to be wrong.
 const WAYS: usize = 27;
-/// Bytes of a block that are its header's, whatever block it is.
+/// Bytes of a block's header, the same for every block.
 const HEADER: usize = 600;
-/// Some calls are held open.
+/// How long to wait for an answer; some calls are held open.
 const SOON: Duration = Duration::from_millis(100);
 
-/// Delivers rubbish until it is shut out, and goes on under another key.
+/// Delivers rubbish until it is shut out, then goes on under another key.
 pub async fn delivers(stage: Arc<Stage>, who: String, mut dice: Dice) {
     for life_count in 0.. {
         let who = format!("{who} {life_count}");
@@ -50,7 +50,7 @@ async fn life(stage: &Stage, who: &str, worker: &RawWorker, dice: &mut Dice) -> 
         let way = dice.below(WAYS);
         let parts = parts(stage, worker, leased, way, dice);
         match worker.send(parts).await {
-            // The truth, said in another way, would be none of these.
+            // None of these may be taken as the right block in another encoding.
             Ok(reply) if !reply.duplicate => stage.wrong(format!("{who}: a delivery of the way {way} is taken")),
             Ok(_) => {}
             Err(status) => stage.hear(&format!("{who}, way {way}"), &status),
@@ -58,7 +58,7 @@ async fn life(stage: &Stage, who: &str, worker: &RawWorker, dice: &mut Dice) -> 
     }
 }
 
-/// What is wrong with a delivery: one thing of the header, the bytes, the picture's metadata, its pixels or its parts.
+/// A delivery with one fault: in the header, the bytes, the picture's metadata, its pixels or its parts.
 fn parts(stage: &Stage, worker: &RawWorker, leased: (LeaseId, Block), way: usize, dice: &mut Dice) -> Vec<Part> {
     let block = leased.1;
     let truth = stage.truth(worker.scene).node(block);
@@ -166,7 +166,7 @@ fn parts(stage: &Stage, worker: &RawWorker, leased: (LeaseId, Block), way: usize
         }
         24 => sent(&vec![0; encoded_size(WIDTH, HEIGHT, &[]) + dice.below(2)]),
         25 => sent(&compressed(&bytes, dice)),
-        // Its header is damaged, and none of its pixels.
+        // The header is damaged, none of its pixels.
         _ => {
             let mut damaged = mutate(&bytes[..HEADER], &bytes[100..], dice.pcg());
             if damaged[..] == bytes[..HEADER] {
@@ -182,7 +182,7 @@ fn truth_film(stage: &Stage, worker: &RawWorker, block: Block) -> Film {
     stage.truth(worker.scene).film(block.start())
 }
 
-/// The same, and says that its rows are compressed: what they are is for the decoder of that kind.
+/// The same, but declared as compressed rows, so that the decoder for that compression reads them.
 fn compressed(bytes: &[u8], dice: &mut Dice) -> Vec<u8> {
     const ATTRIBUTE: &[u8] = b"compression\0compression\0\x01\0\0\0";
     let mut bytes = bytes.to_vec();
@@ -198,7 +198,7 @@ fn compressed(bytes: &[u8], dice: &mut Dice) -> Vec<u8> {
     bytes
 }
 
-/// Messages whose length, as gRPC has it before them, is another one.
+/// Messages whose gRPC length prefix is wrong.
 pub async fn misframes(stage: Arc<Stage>, mut dice: Dice) {
     loop {
         dice.pause().await;

@@ -1,4 +1,4 @@
-//! Peers that take connections, calls and pages, and say little or read nothing.
+//! Peers that take connections, calls and pages, and send little or read nothing.
 
 use super::scene::{Dice, HONEST, Stage};
 use crate::farm::harness::{RawWorker, introduction};
@@ -14,24 +14,24 @@ use tokio::task::JoinSet;
 use tokio::time::timeout;
 use tokio_stream::wrappers::ReceiverStream;
 
-/// Connections that one of these keeps open.
+/// Connections that one attacker keeps open.
 const OPEN: usize = 150;
 const SOON: Duration = Duration::from_millis(100);
 
-/// How connections begin that come to nothing.
+/// Beginnings of connections that lead nowhere.
 const BEGINNINGS: [&[u8]; 8] = [
     b"",
     b"G",
     b"GET / HTTP/1.1\r\nhost: local",
     b"PRI * HTTP/2.0\r\n\r\nSM",
     b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0",
-    // A frame of 16 MiB, of which nothing comes.
+    // The head of a frame of 16 MiB that never comes.
     b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0\xff\xff\xff\x01\x04\0\0\0\x01",
     b"\x16\x03\x01\x02\x00\x01",
     b"\0\0\0\0\0\0\0\0\xff\xff\xff\xff",
 ];
 
-/// What anybody may ask, and what makes no sense.
+/// Requests that anybody may make, and nonsense.
 const PAGES: [&str; 11] = [
     "GET /",
     "GET /healthz",
@@ -46,7 +46,7 @@ const PAGES: [&str; 11] = [
     "POST /extend",
 ];
 
-/// Connections without a word.
+/// Connections that send a beginning and nothing more.
 pub async fn connections(stage: Arc<Stage>, mut dice: Dice) {
     let mut open = VecDeque::new();
     loop {
@@ -61,7 +61,7 @@ pub async fn connections(stage: Arc<Stage>, mut dice: Dice) {
     }
 }
 
-/// Registrations without end: nobody is ever seen again.
+/// Endless registrations of workers that never return.
 pub async fn registrations(stage: Arc<Stage>, seed: u64, mut dice: Dice) {
     for count in 0.. {
         dice.pause().await;
@@ -78,7 +78,7 @@ pub async fn registrations(stage: Arc<Stage>, seed: u64, mut dice: Dice) {
     }
 }
 
-/// Many calls on one connection, all of them open, some of them broken off.
+/// Many calls on one connection, all of them open, some of them cancelled.
 pub async fn streams(stage: Arc<Stage>, who: String, mut dice: Dice) {
     let mut before = 0;
     loop {

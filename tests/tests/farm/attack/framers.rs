@@ -1,4 +1,4 @@
-//! Workers that speak for others.
+//! Workers that speak in the name of others.
 
 use super::scene::{Dice, Stage};
 use crate::farm::harness::{RawWorker, encode};
@@ -10,15 +10,15 @@ use std::time::Duration;
 use tokio::time::{sleep, timeout};
 use tonic::{Code, Status};
 
-/// Numbers of workers and leases of which some are there.
+/// Range of the guessed numbers of workers and leases; some of them exist.
 const NUMBERS: usize = 60;
 
-/// Fails, gives back, delivers and lives in the name of others: by keys that it guesses, and by its own for leases that
-/// others hold.
+/// Reports failures, gives back, delivers and sends heartbeats in the name of others: with guessed keys, and with its
+/// own key for leases that others hold.
 pub async fn frames(stage: Arc<Stage>, who: String, mut dice: Dice) {
     let mut before = 0;
     loop {
-        // The number of another is no key either.
+        // Another worker's number is no key either.
         if dice.below(2) == 0 {
             before = dice.below(NUMBERS) as u64;
         }
@@ -66,7 +66,7 @@ pub async fn frames(stage: Arc<Stage>, who: String, mut dice: Dice) {
     }
 }
 
-/// A failure or a delivery of this lease, which is not one of the worker's.
+/// A failure or a delivery of a lease that is not the worker's.
 async fn speak(stage: &Stage, worker: &RawWorker, key: u64, lease: u64, dice: &mut Dice) -> Result<(), Status> {
     let mut farm = worker.farm.clone();
     let pass_index = dice.below(24) as u64;

@@ -1,4 +1,4 @@
-//! Every call with every field drawn from a table, of the edges of what numbers can be and of what is right.
+//! Every call with every field drawn from a table of extreme numbers and valid values.
 
 use super::scene::{Dice, HONEST, Stage};
 use crate::farm::harness::{canary, encode};
@@ -30,13 +30,13 @@ const NUMBERS: [u64; 13] = [
 ];
 const TEXTS: [&str; 7] = ["", HONEST, "\0", "\u{202e}\u{feff}", "{}\n\"", "../../x", "node"];
 
-/// What would be right, of one worker.
+/// What a worker could validly send.
 struct Words {
     key: u64,
     leases: Vec<u64>,
     scene: Bytes,
     identity: Bytes,
-    /// A block of the job, but for its end.
+    /// A block of the job without its end.
     block: Vec<u8>,
 }
 
@@ -233,7 +233,7 @@ fn of_farm(words: &Words, dice: &mut Dice) -> (&'static str, Vec<Vec<u8>>) {
     }
 }
 
-/// A call of live.proto. Its pixels are never finite: others could not be told from right ones.
+/// A call of live.proto. Its pixels are never finite: finite ones could not be told from right ones.
 fn of_live(words: &Words, dice: &mut Dice) -> (&'static str, Vec<Vec<u8>>) {
     if dice.below(8) == 0 {
         let hash = dice.hash(&words.scene);

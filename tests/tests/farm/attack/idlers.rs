@@ -1,4 +1,4 @@
-//! Workers that take leases, and do nothing with them or nothing but give them back.
+//! Workers that take leases, and do nothing with them or only give them back.
 
 use super::scene::{Dice, HONEST, Stage};
 use crate::farm::harness::{RawWorker, encode, introduction};
@@ -14,19 +14,19 @@ use tonic::Status;
 /// What a worker does with what it has leased.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Idle {
-    /// Keeps all that it can get, and says that it lives.
+    /// Keeps all that it can get, and sends heartbeats.
     Keeps,
-    /// The same, and says that it gets on.
+    /// The same, and reports progress.
     Boasts,
-    /// Says nothing.
+    /// Sends nothing.
     Hides,
-    /// Sends one byte after another.
+    /// Delivers byte by byte.
     Drips,
-    /// Gives it back, and asks again.
+    /// Gives it back and asks again.
     GivesBack,
-    /// Hangs up, and comes again.
+    /// Hangs up and comes again.
     HangsUp,
-    /// Says that it has all passes from before, and keeps them.
+    /// Claims to have all passes from before, and keeps them.
     Claims,
 }
 
@@ -40,7 +40,7 @@ pub const IDLE: [Idle; 7] = [
     Idle::Claims,
 ];
 
-/// How long one life of those lasts who live on and on.
+/// How long those that could live for ever stay before they start again.
 const LIFE: Duration = Duration::from_millis(700);
 
 pub async fn idles(stage: Arc<Stage>, who: String, idle: Idle, mut dice: Dice) {
@@ -92,7 +92,7 @@ async fn life(
                     _ => Vec::new(),
                 },
             };
-            // As often as it takes them.
+            // As fast as they are taken.
             let _ = beats.try_send(beat);
         }
         let (lease, block) = match worker.grant().await? {
@@ -117,7 +117,7 @@ async fn life(
     }
 }
 
-/// The truth, so slowly that it never arrives.
+/// The right block, so slowly that it never arrives.
 async fn drip(stage: &Stage, worker: &RawWorker, leased: (LeaseId, Block)) -> Result<(), Status> {
     let bytes = encode(&stage.truth(worker.scene).node(leased.1), &worker.meta(leased.1));
     let header = Part::Header(worker.header(leased, &bytes));

@@ -1,4 +1,4 @@
-//! Workers whose pixels are wrong, and those who were honest until they were not.
+//! Workers whose pixels are wrong, always or from some time on.
 
 use super::scene::{Dice, Stage};
 use crate::farm::harness::{RawWorker, encode, leaf, node_of};
@@ -8,22 +8,22 @@ use beamfarm_proto::{Grant, LeaseId, wire};
 use std::sync::Arc;
 use tonic::Status;
 
-/// What is wrong with what a worker delivers.
+/// What is wrong with a worker's deliveries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lie {
     /// The last bit of one value.
     LastBit,
-    /// Nothing is lit.
+    /// A black picture.
     Black,
-    /// Everything is lit more.
+    /// A picture that is too bright.
     Bright,
-    /// It is another pass.
+    /// The picture of another pass.
     AnotherPass,
     /// One block in four has a wrong bit.
     Seldom,
-    /// The truth first, and then something else.
+    /// The right picture first, then another one.
     TwoThings,
-    /// The truth once, and then all passes fail.
+    /// One right picture, then every pass fails.
     Fails,
 }
 
@@ -37,7 +37,7 @@ pub const LIES: [Lie; 7] = [
     Lie::Fails,
 ];
 
-/// Lies until it is found, and then comes back under other names.
+/// Lies until it is found out, then comes back under other names.
 pub async fn lies(stage: Arc<Stage>, who: String, lie: Lie, mut dice: Dice) {
     let mut before = 0;
     loop {
@@ -87,7 +87,7 @@ async fn life(stage: &Stage, who: &str, worker: &RawWorker, lie: Lie, dice: &mut
     }
 }
 
-/// Whether it is taken for something new.
+/// Delivers; returns whether the delivery was taken as new.
 async fn submit(worker: &RawWorker, leased: (LeaseId, Block), node: &Node) -> Result<bool, Status> {
     let bytes = encode(node, &worker.meta(leased.1));
     Ok(!worker.submit(leased, bytes).await?.duplicate)
@@ -104,7 +104,7 @@ fn wrong(stage: &Stage, worker: &RawWorker, block: Block, lie: Lie, dice: &mut D
             node = leaf(block.start(), truth.film(block.start() + 1));
         }
         Lie::AnotherPass => node = node_of(block, &|pass_index| truth.film(pass_index + 1)),
-        // Of liars that lie in the same way no two agree.
+        // No two liars that lie in the same way agree.
         _ => {
             let at = dice.below(values.len());
             values[at] = values[at].next_up();

@@ -1,8 +1,7 @@
-//! All attackers that there are on one coordinator at the same time, beside a few honest workers: what a change of a
-//! protocol is tried on as a whole.
+//! All kinds of attackers at once on one coordinator, with a few honest workers: the test for a change of a protocol as
+//! a whole.
 //!
-//! What they do depends on a seed alone, but for the order in which they are heard. `BEAMFARM_LONG=1` plays more
-//! rounds.
+//! A seed alone decides what they do, but not the order in which they are heard. `BEAMFARM_LONG=1` plays more rounds.
 
 mod deliveries;
 mod floods;
@@ -37,13 +36,14 @@ const TIMING: Timing = Timing {
     lease: Duration::from_millis(600),
 };
 
-/// A job may take so long, and this many times as long as one of its passes: those who keep blocks cost it some leases,
-/// attackers on the same machine all the rest.
+/// The longest that a job may take: this, and this many times as long as one of its passes. Those who keep blocks cost
+/// it some leases; attackers on the same machine cost the rest.
 const LONGEST: Duration = Duration::from_secs(5);
 const PASSES_LONG: f64 = 20.0 * PASSES as f64;
-/// A revision may take so long: what one worker keeps another gets after a second or two, who may keep it as well.
+/// The longest that a revision may take: what one worker keeps goes to another after a second or two, who may keep it
+/// as well.
 const SHOWN: Duration = Duration::from_secs(10);
-/// And so long nothing new may come.
+/// The longest time without anything new.
 const STILL: Duration = Duration::from_secs(3);
 
 fn seeds() -> std::ops::Range<u64> {
@@ -72,7 +72,7 @@ impl Attack {
         self.tasks.spawn(attacker(dice));
     }
 
-    /// All that a farm can be attacked by.
+    /// Every attack on a farm.
     fn on_farm(stage: &Arc<Stage>, seed: u64) -> Self {
         let mut attack = Self::new(seed);
         let new = || stage.clone();
@@ -96,7 +96,7 @@ impl Attack {
         attack
     }
 
-    /// All that a live view can be attacked by, but for those who are never found.
+    /// Every attack on a live view, except by those who are never found out.
     fn on_view(stage: &Arc<Stage>, seed: u64) -> Self {
         let mut attack = Self::new(seed);
         let new = || stage.clone();
@@ -111,7 +111,7 @@ impl Attack {
         attack
     }
 
-    /// None of them may have stopped by itself.
+    /// Fails if any of them has stopped already.
     async fn end(mut self) {
         self.tasks.abort_all();
         while let Some(ended) = self.tasks.join_next().await {
@@ -121,7 +121,7 @@ impl Attack {
     }
 }
 
-/// What must hold of a job that was attacked.
+/// What must hold for an attacked job.
 fn holds(stage: &Stage, farm: &Farm, machine: &Machine, truth: &Truth, seed: u64) {
     assert_eq!(farm.end(), Some(End::Complete), "seed {seed}");
     assert_eq!(machine.panics(), [""; 0], "seed {seed}");
@@ -137,8 +137,8 @@ fn holds(stage: &Stage, farm: &Farm, machine: &Machine, truth: &Truth, seed: u64
     }
 }
 
-/// Whoever delivered wrong pixels that were taken is out by its key, unless they went with those of another liar before
-/// anybody had looked at them.
+/// Whoever delivered wrong pixels that were accepted is shut out by its key, unless those of another liar made the
+/// coordinator drop them before they were checked.
 async fn liars_are_out(stage: &Stage, dropped: u64, seed: u64) {
     for liar in stage.liars() {
         for name in ["another", scene::HONEST] {
@@ -158,7 +158,7 @@ async fn all_went_well(workers: impl IntoIterator<Item = WorkerHandle>, seed: u6
     }
 }
 
-/// The end of a job, as soon as it must come: that follows from the length of a lease and the time of a pass.
+/// Waits for the job's end; the length of a lease and the time of a pass limit how late it may come.
 async fn ends(stage: &Stage, farm: &Arc<Farm>, truth: &Truth, seed: u64) {
     let (begun, mut news) = (Instant::now(), Instant::now());
     let mut before = (0, 0);
@@ -203,7 +203,7 @@ async fn a_job_is_complete_whoever_attacks_it() {
     }
 }
 
-/// One worker renders all of it, and nobody checks what it renders.
+/// One worker renders everything, and nobody checks what it renders.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_job_is_complete_where_all_but_one_do_nothing() {
     for seed in seeds() {
@@ -259,7 +259,7 @@ async fn a_series_is_complete_whoever_attacks_it() {
     }
 }
 
-/// Honest workers' pictures come whole and right, and those who spoil them are sent away by their key.
+/// Honest workers' pictures arrive whole and right, and those who spoil pictures are shut out by their key.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_live_view_shows_each_revision_whoever_attacks_it() {
     const LIMIT: u64 = 3;
@@ -273,7 +273,7 @@ async fn a_live_view_shows_each_revision_whoever_attacks_it() {
             let mut spoils = studio::SPOILS.into_iter().filter(|spoil| spoil.is_found());
             spoils.all(|spoil| stage.is_out(&format!("{spoil:?} {seed}")))
         };
-        // Those who keep what they get come when all others are found.
+        // Those who keep what they get come when all others are found out.
         let mut rest = 2;
         for power in 30..60 {
             let text = changed(&power.to_string());

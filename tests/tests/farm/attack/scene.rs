@@ -1,4 +1,4 @@
-//! What all attackers know, and what is seen of them.
+//! What all attackers know, and what is recorded about them.
 
 use crate::farm::harness::{HEIGHT, RawWorker, WIDTH, identity_of, introduction, leaf, node_of};
 use beamfarm_coordinator::JobSpec;
@@ -46,7 +46,7 @@ impl Dice {
         &mut self.0
     }
 
-    /// Attackers leave the machine time for others.
+    /// Leaves the machine time for others.
     pub async fn pause(&mut self) {
         let milliseconds = 3 + self.below(12) as u64;
         sleep(Duration::from_millis(milliseconds)).await;
@@ -56,7 +56,7 @@ impl Dice {
 /// The passes of a job as honest workers render them.
 pub struct Truth {
     films: Vec<Film>,
-    /// Seconds that one of them takes, in the mean.
+    /// Mean time of one pass, in seconds.
     pub pass: f64,
 }
 
@@ -88,16 +88,16 @@ impl Truth {
     }
 }
 
-/// What became of attackers so far.
+/// What has happened to attackers so far.
 #[derive(Default)]
 struct Seen {
-    /// By what the secret is made of.
+    /// By fingerprint: what the secret is made from.
     attackers: BTreeMap<Fingerprint, String>,
-    /// Whose wrong pixels were taken for new ones.
+    /// Those whose wrong pixels were taken as new.
     liars: BTreeSet<String>,
     /// Those who were told that they are shut out for good.
     out: BTreeSet<String>,
-    /// What must not be.
+    /// What must not happen.
     wrongs: Vec<String>,
 }
 
@@ -128,7 +128,7 @@ impl Stage {
         self.truths.lock().unwrap()[&scene].clone()
     }
 
-    /// The secret that an attacker makes of this, which is known from now on as that of one.
+    /// The secret made from this, which from now on counts as an attacker's.
     pub fn secret(&self, of: &str) -> Bytes {
         let secret = identity_of(of);
         let key = Identity::from_bytes(&secret).unwrap().fingerprint();
@@ -136,7 +136,7 @@ impl Stage {
         secret
     }
 
-    /// Come, under some name, by the secret that is made of `who`, until taken in.
+    /// Registers, under some name, with the secret made from `who`, until accepted.
     pub async fn come(&self, who: &str, before: &mut u64, dice: &mut Dice) -> RawWorker {
         loop {
             dice.pause().await;
@@ -156,9 +156,9 @@ impl Stage {
         }
     }
 
-    /// What an attacker is answered.
+    /// Records what an attacker is answered.
     pub fn hear(&self, who: &str, status: &Status) {
-        // A task that panicked is one of these.
+        // A task that panicked answers with one of these.
         if matches!(status.code(), Code::Unknown | Code::Cancelled) {
             self.wrong(format!("{who} is answered {status}"));
         }
@@ -170,7 +170,7 @@ impl Stage {
         }
     }
 
-    /// Wrong pixels were taken.
+    /// Wrong pixels were accepted.
     pub fn lied(&self, who: &str) {
         self.seen().liars.insert(who.into());
     }

@@ -17,19 +17,19 @@ pub enum Spoil {
     Fails,
     /// Its pictures are not finite.
     Nan,
-    /// It says that it dropped them.
+    /// It says that it dropped its tasks.
     GivesBack,
-    /// It keeps them.
+    /// It keeps its tasks.
     Keeps,
     /// Its pictures come one piece after another, and never whole.
     Drips,
-    /// Its pictures have more pixels than were asked for, or fewer.
+    /// Its pictures have more or fewer pixels than were asked for.
     Shapes,
-    /// It counts pixels that are not finite.
+    /// The counts of its pixels are not finite.
     Counts,
-    /// It hangs up, and comes again.
+    /// It hangs up and comes again.
     HangsUp,
-    /// It speaks of other tasks than its own.
+    /// It answers for tasks that are not its own.
     Others,
 }
 
@@ -46,7 +46,7 @@ pub const SPOILS: [Spoil; 9] = [
 ];
 
 impl Spoil {
-    /// Whether it is told from those to whom nothing of it happens.
+    /// Whether a view finds it out and shuts it out.
     pub fn is_found(self) -> bool {
         matches!(self, Self::Fails | Self::Nan | Self::GivesBack | Self::Counts)
     }

@@ -1,11 +1,11 @@
-//! Scenes and assets that are made to do harm: nested without end, claiming what they do not hold, reaching for files.
+//! Malicious scenes and assets: nested without end, claiming what they do not hold, reaching for files.
 
 use super::{VIEW, error_of};
 use beamfarm_image::bundle::MAX_KEY_BYTES;
 use beamfarm_scene::read_bundle;
 use exr::prelude::WritableImage;
 
-/// Depth that no scene has and no stack bears.
+/// Deeper than any scene, and than any stack can bear.
 const DEEP: usize = 100_000;
 
 #[test]
@@ -28,7 +28,7 @@ fn deep_nesting_is_refused() {
         format!("[[shapes]]\ntype = \"sphere\"\ntransform = [{{ matrix = {closed} }}]"),
         format!("[media.fog]\ntype = \"homogeneous\"\nphase = {{ type = {closed} }}"),
         format!("[materials.{keys}]\ntype = \"diffuse\""),
-        // An inner shape is the only record within its own kind.
+        // A shape can contain another only as its single inner shape.
         format!("[[shapes]]\n{}", "shape = { type = \"instances\", ".repeat(DEEP)),
         format!("[[shapes]]\n{}.type = \"sphere\"", vec!["shape"; DEEP].join(".")),
     ] {
@@ -40,7 +40,7 @@ fn deep_nesting_is_refused() {
     assert!(error.contains("missing field `type`"), "{error}");
 }
 
-/// A texture beside the scene's folder is found, and its key in the bundle does not leave the folder.
+/// A texture outside the scene's folder is found, but its key in the bundle stays inside.
 #[test]
 fn files_outside_of_the_folder_have_confined_keys() {
     let root = tempfile::tempdir().unwrap();
@@ -158,7 +158,7 @@ fn ply_files_hold_what_they_claim() {
             file(header("1000000000000", "uchar uint", "1"), &face([0, 1, 2])),
             "a.ply: the file is too short for the 1000000000000 `vertex` elements it claims",
         ),
-        // A list that claims 16 GB.
+        // A list that claims to have 16 GB.
         (file(header("3", "uint uint", "1"), &u32::MAX.to_le_bytes()), "a.ply: "),
         (file(header("3", "int uint", "1"), &i32::MIN.to_le_bytes()), "a.ply: "),
     ] {
@@ -167,7 +167,7 @@ fn ply_files_hold_what_they_claim() {
     }
 }
 
-/// Volumes of terabytes in a few bytes.
+/// Volumes that claim terabytes in a few bytes.
 #[test]
 fn volumes_hold_what_they_claim() {
     let scene = |file: &str| {
@@ -196,7 +196,7 @@ fn volumes_hold_what_they_claim() {
     }
 }
 
-/// Pictures of terabytes in a few bytes.
+/// Pictures that claim terabytes in a few bytes.
 #[test]
 fn images_hold_what_they_claim() {
     let texture = |name: &str, bytes: Vec<u8>| {

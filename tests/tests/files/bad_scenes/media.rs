@@ -81,7 +81,7 @@ fn what_media_emit_is_checked() {
     );
 }
 
-/// A heterogeneous medium of four lines, so that what a test adds begins on the seventh.
+/// A heterogeneous medium of four lines, so that what a test adds starts on the seventh.
 #[track_caller]
 fn refused_in_cloud(cases: &str) {
     let cloud = r#"[media.fog] | type = "heterogeneous" | sigma_a = 0 | sigma_s = 1 | "#;
@@ -271,7 +271,7 @@ fn cloud(density: &str) -> String {
     format!("{VIEW}[media.fog]\ntype = \"heterogeneous\"\nsigma_a = 0\nsigma_s = 1\ndensity = {{ {density} }}")
 }
 
-/// What is wrong with a volume file is an error of that file.
+/// Faults of a volume file are errors of that file.
 #[test]
 fn bad_volumes_are_named() {
     let mut vol = volume("grid.vol");
@@ -352,7 +352,7 @@ fn bad_volumes_are_named() {
     }
 }
 
-/// A volume file that is not there is an error of the line that names it.
+/// A missing volume file is an error of the line that names it.
 #[test]
 fn missing_volumes_are_named() {
     let folder = tempfile::tempdir().unwrap();

@@ -11,7 +11,7 @@ use beamfarm_image::bundle::Bundle;
 use beamfarm_scene::SceneError;
 use beamfarm_scene::read_bundle;
 
-/// Two lines, so that what a test adds begins on the third.
+/// Two lines, so that what a test adds starts on the third.
 const VIEW: &str = "image = { width = 8, height = 8 }
 camera = { origin = [0, 0, 5], target = [0, 0, 0], fov = 40 }
 ";
@@ -455,7 +455,7 @@ fn cameras_and_images_are_checked() {
     assert_eq!(no_camera, "scene.toml:1: missing field `camera`");
 }
 
-/// Syntax errors are the TOML parser's; the line is what matters.
+/// Syntax errors come from the TOML parser; only the line matters.
 #[test]
 fn syntax_errors_have_lines() {
     for text in ["x =", "[[shapes]", "x = \"open", "x = 1 y = 2", "x = [1, 2"] {
@@ -481,7 +481,7 @@ ior = 1.5
 type = \"null\"
 ";
 
-/// Media need surfaces that close, or the same medium on both sides.
+/// Media need closed surfaces, or the same medium on both sides.
 #[test]
 fn boundaries_of_media_must_close() {
     const OPEN: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\n";
@@ -525,7 +525,7 @@ fn boundaries_of_media_must_close() {
     }
     for (shape, world, faces) in [
         (mesh, "fog", "f 2 3 4\n"),
-        // Turned: no other solid can be meant.
+        // A triangle turned the wrong way: no other solid can be meant.
         (mesh, "fog", "f 2 4 3\n"),
         (mesh, "none", ""),
         (
@@ -620,7 +620,7 @@ fn bad_assets_are_named() {
     }
 }
 
-/// A file that is not there is an error of the line that names it.
+/// A missing file is an error of the line that names it.
 #[test]
 fn missing_files_are_named() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Visibility rules that cannot be, and those that have no effect.
+//! Visibility rules that are not valid, and those that have no effect.
 
 use super::{VIEW, error_of, refused};
 use beamfarm_image::bundle::Bundle;
@@ -55,7 +55,7 @@ fn rules_are_checked() {
     );
 }
 
-/// The error of rules, on the lines from 1, added to some things.
+/// The error of rules that stand on the lines from 1 before some objects.
 fn error(rules: &str) -> String {
     let before = 1 + VIEW.lines().count() + THINGS.lines().count();
     let error = error_of(&format!("{VIEW}{THINGS}{rules}"), &[]);
@@ -139,7 +139,7 @@ fn rules_without_effect_are_noted() {
     }
 }
 
-/// One medium in two objects that have other photon rules.
+/// One medium in two objects with different photon rules.
 #[test]
 fn a_medium_has_one_set_of_rules() {
     let fog = "[media.fog]\ntype = \"homogeneous\"\nsigma_a = 0\nsigma_s = 1\n\

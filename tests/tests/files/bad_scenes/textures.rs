@@ -54,7 +54,7 @@ fn textures_are_checked() {
     );
 }
 
-/// A mesh whose vertices have no colours, or such that reflect more than arrives.
+/// A mesh whose vertices have no colours, or colours that reflect more than arrives.
 #[test]
 fn meshes_have_the_colours_that_materials_take() {
     let scene = |of_shape: &str| {
@@ -115,7 +115,7 @@ fn blends_and_numbers_are_checked() {
     );
 }
 
-/// Reflectances of images too.
+/// Pixels of images are checked as reflectances, too.
 #[test]
 fn pixels_are_checked() {
     let file = tempfile::Builder::new().suffix(".exr").tempfile().unwrap();

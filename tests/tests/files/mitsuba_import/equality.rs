@@ -1,4 +1,4 @@
-//! Whole scenes beside native ones that were written by hand: equal pixels.
+//! Whole scenes against native ones written by hand: equal pixels.
 
 use super::*;
 use beamfarm_image::exr::pixel_hash;
@@ -104,7 +104,8 @@ fn a_scene_and_its_native_twin_render_alike() {
     assert_eq!(pixels(xml), pixels(toml));
 }
 
-/// The camera sees neither lamps nor the sky, but what lies behind lamps, what they light, and their images in mirrors.
+/// The camera sees neither lamps nor the sky, but it sees what lies behind lamps, what they light, and their images in
+/// mirrors.
 #[test]
 fn hidden_emitters_are_passed_through() {
     let integrator = |value: &str| {
@@ -113,7 +114,7 @@ fn hidden_emitters_are_passed_through() {
              </integrator></integrator>"
         )
     };
-    // Before the camera, turned to it, with a wall behind.
+    // In front of the camera and facing it, with a wall behind.
     let panel = "<shape type=\"rectangle\" id=\"panel\"><transform name=\"to_world\"><translate z=\"1\"/></transform>\
                  <emitter type=\"area\"><rgb name=\"radiance\" value=\"4 0 0\"/></emitter></shape>";
     let sky = "<emitter type=\"constant\"><rgb name=\"radiance\" value=\"0 1 0\"/></emitter>";
@@ -139,10 +140,10 @@ fn hidden_emitters_are_passed_through() {
     assert_eq!((seen[0], seen[middle]), ([0.0, 1.0, 0.0], [4.0, 0.0, 0.0]));
     let hidden = image("true", "diffuse");
     assert_eq!(hidden[0], [0.0; 3]);
-    // The wall behind the panel, in what the panel leaves it of the sky.
+    // The wall behind the panel, lit by the part of the sky that the panel does not hide.
     let [red, green, blue] = hidden[middle];
     assert!(green > 0.1 && green < 0.9, "{green}");
     assert_eq!([red, blue], [0.0; 2]);
-    // A mirror in its place would show the sky, were it not for the panel's back.
+    // A mirror in its place would show the sky, but for the panel's back.
     assert_eq!(image("true", "conductor")[middle], [0.0; 3]);
 }

@@ -38,7 +38,7 @@ fn what_is_not_supported_can_be_left_out() {
     assert!(imported.text.contains("type = \"sphere\""));
     let file = SceneFile::read(&folder.path().join("scene.xml"), &options).unwrap();
     assert_eq!(file.load().unwrap().objects.len(), 1);
-    // Mistakes stay mistakes.
+    // Mistakes remain errors.
     std::fs::write(
         folder.path().join("scene.xml"),
         with_sensor(r#"<shape type="cube"><ref id="x"/></shape>"#),
@@ -58,7 +58,7 @@ fn an_element_has_few_attributes() {
         )));
         assert_eq!(found, ["scene.xml:3: an element has more than 100 attributes"]);
     }
-    // As many in all are no matter.
+    // Many elements with few attributes each are fine.
     let boxes = "<shape type=\"cube\"/>".repeat(1000);
     try_import(&with_sensor(&boxes)).unwrap();
 }
@@ -83,7 +83,7 @@ fn what_is_replaced_is_noted() {
     assert_eq!(field(&imported.text, "[render]", "passes"), Some("7"));
 }
 
-/// Errors that the native scene's reader finds, at the XML's lines.
+/// Errors found by the native scene's reader, at the XML's lines.
 #[test]
 fn later_errors_are_those_of_the_xml() {
     let missing = "\n<shape type=\"ply\">\n<string name=\"filename\" value=\"none.ply\"/></shape>";
@@ -100,7 +100,7 @@ fn later_errors_are_those_of_the_xml() {
         );
         assert!(error.message.contains(words), "{error}");
     }
-    // An asset's own mistakes are at its own lines.
+    // Mistakes in an asset are reported at the asset's lines.
     let folder = folder(&[("scene.xml", &with_sensor(missing)), ("none.ply", "ply\nnonsense\n")]);
     let file = SceneFile::read(&folder.path().join("scene.xml"), &ImportOptions::default()).unwrap();
     let error = file.load().unwrap_err();

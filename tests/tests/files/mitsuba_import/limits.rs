@@ -1,4 +1,4 @@
-//! Hostile files: each is an error that says why, soon and without much memory.
+//! Hostile files: each gives an error with its reason, quickly and without much memory.
 
 use super::*;
 
@@ -37,7 +37,7 @@ fn chains_and_cycles_of_references_are_refused() {
     assert_error(&with_sensor(cycle), "scene.xml:", &["refers to itself"]);
 }
 
-/// Each level refers to the next one twice: 2^60 ways down.
+/// Each level refers to the next one twice: 2^60 paths.
 #[test]
 fn what_is_shared_is_read_once() {
     let link = |i: usize| {
@@ -108,7 +108,7 @@ fn parameters_of_parameters_have_an_end() {
     assert_error(&xml, "scene.xml:2: ", &["bytes"]);
 }
 
-/// Whatever is cut off, doubled or changed: an error or a scene, never a panic.
+/// Truncated, duplicated or changed: an error or a scene, never a panic.
 #[test]
 fn damage_does_not_panic() {
     let whole = crate::files::mitsuba_import::equality::XML.as_bytes();

@@ -14,7 +14,7 @@ fn assert_material(element: &str, expected: &[&str]) {
     assert_eq!(material(element), expected.join("\n"), "{element}");
 }
 
-/// Mitsuba's eta of `bk7` in air is 1.50418, of polypropylene 1.48959, of water 1.33263.
+/// Mitsuba's eta in air: 1.50418 for `bk7`, 1.48959 for polypropylene, 1.33263 for water.
 #[test]
 fn indices_of_refraction_by_name() {
     let default = ["ior = 1.5046", "exterior_ior = 1.000277"];
@@ -88,7 +88,7 @@ fn rough_dielectrics_are_beckmann_by_default() {
     );
 }
 
-/// Mitsuba's figures of gold: eta (0.143036, 0.375307, 1.44205), k (3.983, 2.38556, 1.60336).
+/// Mitsuba's values for gold: eta (0.143036, 0.375307, 1.44205), k (3.983, 2.38556, 1.60336).
 #[test]
 fn conductors_by_name_and_by_numbers() {
     assert_material(
@@ -100,7 +100,7 @@ fn conductors_by_name_and_by_numbers() {
             "two_sided = false",
         ],
     );
-    // Without a material all is reflected.
+    // Without a material everything is reflected.
     let mirror = ["type = \"mirror\"", "two_sided = false"];
     assert_material("<bsdf type=\"conductor\"/>", &mirror);
     assert_material(
@@ -300,7 +300,7 @@ fn images_are_turned_around() {
     );
 }
 
-/// Mitsuba makes [[1, 2, 0], [4, 5, 0], [0, 0, 1]] of a 3x3 matrix 1 to 9.
+/// Mitsuba turns a 3x3 matrix 1 to 9 into [[1, 2, 0], [4, 5, 0], [0, 0, 1]].
 #[test]
 fn to_uv_is_flattened() {
     let checkerboard = |inner: &str| {
@@ -317,7 +317,7 @@ fn to_uv_is_flattened() {
     );
 }
 
-/// Mitsuba turns the v of OBJ files around; around twice is not at all.
+/// Mitsuba flips the v of OBJ files; flipped twice it is unchanged.
 #[test]
 fn materials_of_obj_files_are_turned_once_more() {
     let xml = with_sensor(

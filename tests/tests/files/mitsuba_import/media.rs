@@ -105,7 +105,7 @@ fn grids() {
         assert_eq!(field(&text, "[media.m]", name), Some(expected));
     }
     scene_in(folder.path());
-    // An albedo beside it, and one elsewhere.
+    // An albedo in the same place, and one elsewhere.
     let with = |place: &str| {
         let albedo = format!(
             "<volume type=\"gridvolume\" name=\"albedo\"><string name=\"filename\" value=\"b.vol\"/>\
@@ -116,7 +116,7 @@ fn grids() {
     let text = native(&with("2"));
     assert_eq!(field(&text, "[media.m]", "albedo"), Some("{ file = \"b.vol\" }"));
     assert_error(&with("3"), "scene.xml:", &["albedo", "not supported"]);
-    // The file's own box counts on request.
+    // The file's own box is used on request.
     std::fs::write(
         folder.path().join("scene.xml"),
         xml(r#"<boolean name="use_grid_bbox" value="true"/>"#),
@@ -128,7 +128,7 @@ fn grids() {
 }
 
 /// Without a grid too, a heterogeneous medium fills the bounds of the unit cube under its extinction's own transform,
-/// as the pixels of Mitsuba 3.9.1 say, and a homogeneous one the shape.
+/// as pixels of Mitsuba 3.9.1 show; a homogeneous one fills the shape.
 #[test]
 fn constant_volumes_have_a_box() {
     let volume = |plugin: &str, sigma_t: &str| {
@@ -178,7 +178,7 @@ fn constant_volumes_have_a_box() {
         let pixels = render_pass(&scene, &plan, 0).expect("a pass").film.pixels;
         let (mut inside, mut outside) = (0, 0);
         for (i, pixel) in pixels.iter().enumerate() {
-            // What a pixel sees of the box, by its corners: between these bounds, if it is all of one kind.
+            // Bounds of what a pixel sees of the box, from its corners, if they are all of one kind.
             let depths =
                 [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[x, y]| depth(i as u32 % 16 + x, i as u32 / 16 + y, corners));
             let [least, most] = [f64::min, f64::max].map(|f| depths.into_iter().reduce(f).unwrap());
@@ -201,7 +201,7 @@ fn constant_volumes_have_a_box() {
     }
 }
 
-/// How much of a box lies on the ray through a corner of a pixel of [`SENSOR`].
+/// The length of the ray through a corner of a pixel of [`SENSOR`] inside a box.
 fn depth(x: u32, y: u32, [low, high]: [[f64; 3]; 2]) -> f64 {
     let extent = libm::tan(20f64.to_radians());
     let origin = [0.0, 0.0, 5.0];
@@ -243,7 +243,7 @@ fn boundaries_are_said() {
         field(&native(&with_sensor(&sheet)), "[[shapes]]", "material"),
         Some("\"thindielectric\"")
     );
-    // Nothing gets into what is opaque.
+    // No medium is inside opaque shapes.
     let opaque = format!("{FOG}<shape type=\"sphere\">{interior}</shape>");
     let imported = try_import(&with_sensor(&opaque)).unwrap();
     assert_eq!(field(&imported.text, "[[shapes]]", "interior"), None);
@@ -254,12 +254,12 @@ fn boundaries_are_said() {
     );
 }
 
-/// The medium of a sensor, named "medium" or not, is that of the world unless shapes say otherwise.
+/// A sensor's medium, whether named "medium" or not, is that of the world unless shapes say otherwise.
 #[test]
 fn the_world_is_what_lies_outside() {
     for reference in [r#"<ref id="fog"/>"#, r#"<ref name="medium" id="fog"/>"#] {
         let sensor = SENSOR.replace("<film", &format!("{reference}<film"));
-        // A bubble in the fog; and glass, through which Mitsuba lets the fog pass.
+        // A bubble in the fog; and glass, which in Mitsuba does not stop the fog.
         let text = native(&bare(&format!(
             r#"{FOG}<shape type="sphere"><bsdf type="null"/><ref name="exterior" id="fog"/></shape>
             <shape type="sphere" id="ball"><bsdf type="dielectric"/></shape>{sensor}"#

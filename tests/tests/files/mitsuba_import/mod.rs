@@ -1,4 +1,4 @@
-//! Mitsuba's XML scenes. Numbers that are said to be Mitsuba's were read back from Mitsuba 3.9.1 (`mi.load_string` and
+//! Mitsuba's XML scenes. Numbers attributed to Mitsuba were read back from Mitsuba 3.9.1 (`mi.load_string` and
 //! `mi.traverse`, variant `scalar_rgb`).
 
 mod equality;
@@ -80,7 +80,7 @@ fn scene_in(folder: &Path) -> SceneDescription {
     scene.unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The value of a field of the native scene: of the first line that begins with it, below a heading.
+/// The value of a field of the native scene: on the first line that begins with it, below a heading.
 fn field<'a>(native: &'a str, heading: &str, name: &str) -> Option<&'a str> {
     let mut lines = native.lines().skip_while(|line| *line != heading).skip(1);
     lines

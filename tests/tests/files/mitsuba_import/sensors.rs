@@ -17,7 +17,7 @@ fn fov(inner: &str) -> (f64, String) {
     )
 }
 
-/// Mitsuba's x_fov of an image of 200 x 100 pixels.
+/// Mitsuba's x_fov for an image of 200 x 100 pixels.
 #[test]
 fn fields_of_view() {
     let wide = |(degrees, axis): (f64, String)| match axis.as_str() {
@@ -40,7 +40,7 @@ fn fields_of_view() {
         let found = wide(fov(&inner));
         assert!((found - x_fov).abs() < 1e-5, "{inner}: {found}");
     }
-    // Of a lens: written by many, of no effect here.
+    // A lens parameter that many exporters write; it has no effect here.
     let pinhole = format!(r#"{}<float name="focus_distance" value="3"/>"#, axis("x"));
     assert_eq!(fov(&pinhole), (40.0, "\"x\"".to_owned()));
     for (bad, words) in [
@@ -80,7 +80,7 @@ fn placement() {
     );
 }
 
-/// Mitsuba's frame of a lookat from the origin to (1, 2, 3) without up has up = (0.960357, -0.0792865, -0.267261).
+/// For a lookat from the origin to (1, 2, 3) without up, Mitsuba's frame has up = (0.960357, -0.0792865, -0.267261).
 #[test]
 fn lookat_without_up() {
     let lookat = r#"<float name="fov" value="40"/><transform name="to_world"><lookat origin="0 0 0" target="1 2 3"/></transform>"#;

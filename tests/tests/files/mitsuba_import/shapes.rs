@@ -72,7 +72,7 @@ fn transforms_keep_their_order() {
     }
 }
 
-/// The outward direction of a shape in view of the sensor at (0, 0, 5): the mean of normal . (point - centre).
+/// The outward direction of a shape that the sensor at (0, 0, 5) sees: the mean of normal . (point - centre).
 fn outward(element: &str) -> f32 {
     let scene = scene(&with_sensor(element));
     let center = Vec3::new(0.0, 0.0, -5.0);
@@ -84,7 +84,7 @@ fn outward(element: &str) -> f32 {
     samples.sum::<f32>() / 64.0
 }
 
-/// Whether Mitsuba's normals point outwards: its `ray_intersect` on each of these.
+/// Whether Mitsuba's normals point outwards, from its `ray_intersect` on each of these.
 #[test]
 fn mirrored_spheres_are_turned_inside_out_and_others_are_not() {
     let element = |kind: &str, steps: &str, flip: bool| {
@@ -148,7 +148,7 @@ fn instances() {
     assert_eq!(text, expected);
     let both = r#"<shape type="shapegroup" id="g"><shape type="sphere"/><shape type="cube"/></shape><shape type="instance"><ref id="g"/></shape>"#;
     assert_eq!(scene(&with_sensor(both)).objects.len(), 2);
-    // A group that nobody shows is not shown.
+    // A group without an instance is not shown.
     let alone = "<shape type=\"shapegroup\" id=\"g\"><shape type=\"sphere\"/></shape><shape type=\"cube\"/>";
     assert_eq!(scene(&with_sensor(alone)).objects.len(), 1);
     assert_error(
@@ -180,7 +180,7 @@ fn an_axis_that_is_no_unit_vector_shears() {
     }
 }
 
-/// A tetrahedron without normals, of two groups.
+/// A tetrahedron without normals, in two groups.
 const CORNERS: [&str; 4] = ["0 0 0", "1 0 0", "0.3 1 0", "0.2 0.3 0.9"];
 const FACES: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
 
@@ -201,7 +201,7 @@ fn tetrahedra() -> [String; 2] {
     [ply, obj]
 }
 
-/// The mesh of the first object, and its normals where they are in the world.
+/// The first object's mesh, and its normals in world space.
 fn shaded_mesh(element: &str) -> (Arc<Mesh>, Vec<Vec3>) {
     let [ply, obj] = tetrahedra();
     let folder = folder(&[("scene.xml", &with_sensor(element)), ("a.ply", &ply), ("a.obj", &obj)]);
@@ -237,7 +237,7 @@ fn meshes_without_normals_are_smooth() {
                      <transform name=\"to_world\">{steps}</transform>{more}</shape>"
                 )
             };
-            // Copies have the normals of what is copied.
+            // Instances have the normals of their original.
             let group = format!(
                 "<shape type=\"shapegroup\" id=\"g\">{}</shape><shape type=\"instance\"><ref id=\"g\"/></shape>",
                 mesh("")
@@ -245,7 +245,7 @@ fn meshes_without_normals_are_smooth() {
             for element in [mesh(""), group] {
                 let (mesh, normals) = shaded_mesh(&element);
                 assert_eq!(normals.len(), 4, "groups have vertices in common");
-                // An OBJ's vertices are in the order of its faces.
+                // An OBJ file's vertices are in the order of its faces.
                 for (i, face) in FACES.iter().enumerate() {
                     for (vertex, corner) in mesh.triangles[i].iter().zip(face) {
                         let normal = normals[*vertex as usize];
@@ -263,7 +263,7 @@ fn meshes_without_normals_are_smooth() {
     }
 }
 
-/// They point to the outside whatever mirrors or turns the shape.
+/// They point outwards however the shape is mirrored or turned.
 #[test]
 fn smooth_normals_are_on_the_outside() {
     for (steps, flip) in [

@@ -20,7 +20,7 @@ fn parameters_have_defaults_and_are_replaced_from_outside() {
     let folder = folder(&[("scene.xml", &xml)]);
     let text = import_in(folder.path(), &ImportOptions::default()).unwrap().text;
     assert_eq!(field(&text, "[materials.m]", "reflectance"), Some("[0.25, 0.5, 0.25]"));
-    // The longest name that fits: $radius is not $r followed by "adius".
+    // The longest name that fits wins: $radius is not $r followed by "adius".
     assert_eq!(field(&text, "[[shapes]]", "radius"), Some("2.0"));
     let text = import_in(folder.path(), &with(&[("r", "0.125"), ("radius", "3")]))
         .unwrap()
@@ -66,7 +66,7 @@ fn references_may_come_before_what_they_name() {
     assert_error(&with_sensor(given), "scene.xml:2: ", &["twice"]);
 }
 
-/// Files are looked for beside the file that names them, and the native scene names them from its own folder.
+/// Files are searched for next to the file that names them, and the native scene names them from its own folder.
 #[test]
 fn includes() {
     let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";

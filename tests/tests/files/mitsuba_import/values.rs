@@ -39,7 +39,7 @@ fn rgb_is_one_number_or_three_by_commas_or_spaces() {
     assert_eq!(reflectance(r#"<float name="reflectance" value="0.3"/>"#), "0.3");
 }
 
-/// All of these Mitsuba refuses as well, but nan.
+/// Mitsuba refuses all of these as well, except nan.
 #[test]
 fn other_rgb_is_refused() {
     for written in [
@@ -71,13 +71,13 @@ fn a_spectrum_is_grey_in_materials_and_not_in_emitters() {
     );
 }
 
-/// Expected: Mitsuba's, to its six digits.
+/// Expected: Mitsuba's values, to its six digits.
 #[test]
 fn wavelengths_become_colours() {
     let list = "400:0.1, 500:0.5, 600:0.8, 700:0.9";
     let found = reflectance(&format!(r#"<spectrum name="reflectance" value="{list}"/>"#));
     assert_near(&found, &[0.878015, 0.635779, 0.270342]);
-    // What leaves the range is clamped in a reflectance, not in an index of refraction.
+    // Values outside the range are clamped in a reflectance, but not in an index of refraction.
     let steep = "400:0.1,500:2,700:0.2";
     let found = reflectance(&format!(r#"<spectrum name="reflectance" value="{steep}"/>"#));
     assert_near(&found, &[0.635677, 1.0, 1.0]);
@@ -178,7 +178,7 @@ fn booleans_and_whole_numbers() {
     assert_error(&shape("1"), "scene.xml:2: ", &["flip_normals", "true"]);
     let xml = SENSOR.replace("value=\"16\"", "value=\"16.5\"");
     assert_error(&bare(&xml), "scene.xml:4: ", &["width", "whole number"]);
-    // Mitsuba takes an integer for a float, and not the other way round.
+    // Mitsuba accepts an integer for a float, but not a float for an integer.
     let xml = SENSOR.replace("float name=\"fov\"", "integer name=\"fov\"");
     assert_eq!(field(&native(&bare(&xml)), "[camera]", "fov"), Some("40.0"));
     let xml = SENSOR.replace(

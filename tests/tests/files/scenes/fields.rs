@@ -17,7 +17,7 @@ use beamfarm_scene::read_bundle;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What `EVERY_FIELD` names.
+/// The files that `EVERY_FIELD` names.
 fn every_file() -> [(&'static str, Vec<u8>); 3] {
     let [octahedron] = octahedron();
     let volume = include_bytes!("../../../data/volumes/several.vdb").to_vec();
@@ -25,7 +25,7 @@ fn every_file() -> [(&'static str, Vec<u8>); 3] {
     [octahedron, ("several.vdb", volume), ("grey.png", image)]
 }
 
-/// Every field of the format, in places that are valid together.
+/// Every field of the format, combined validly.
 const EVERY_FIELD: &str = r#"
 [image]
 width = 512
@@ -299,7 +299,7 @@ fn bundles_hold_every_file_and_load_the_same() {
     let keys: Vec<&String> = bundle.files.keys().collect();
     assert_eq!(keys, ["meshes/octahedron.obj", "room.toml"]);
     assert_eq!(beamfarm_scene::load(&bundle).unwrap().objects.len(), 2);
-    // The bundle is all there is to the scene: its hash changes with an asset.
+    // The bundle is the whole scene: its hash changes with an asset.
     let before = bundle.hash();
     std::fs::write(
         folder.path().join("meshes/octahedron.obj"),

@@ -1,10 +1,10 @@
-//! Light: powers, and which way environments stand.
+//! Lights: powers, and the orientation of environments.
 
 use crate::files::scenes::setup::{VIEW, load, load_with, octahedron};
 use beamfarm_render::math::{PI, Rgb, Vec2, Vec3};
 use beamfarm_render::world::light::{LightKind, Ramp};
 
-/// `power` is what the light then emits.
+/// The light emits its `power`.
 #[test]
 fn powers_are_kept() {
     let turn = "{ rotate = { axis = [1, 1, 0], angle = 25 } }";
@@ -49,8 +49,8 @@ fn powers_are_kept() {
     }
 }
 
-/// A radius is in scene units, an angle is all of it, and without them there are none. What shines is within the
-/// bounds.
+/// A radius is in scene units, an angle is the full one, and both default to zero. The bounds contain the lights'
+/// shapes.
 #[test]
 fn sizes_of_lights_are_read() {
     let spot = "[[lights]]\ntype = \"spot\"\nposition = [7, 2, 3]\ntarget = [0, 0, 0]\npower = 1\n";
@@ -94,8 +94,8 @@ fn lights_that_are_off_are_no_lights() {
     assert_eq!(scene.objects[0].light, None);
 }
 
-/// Mitsuba 3's `envmap`: the middle of the image looks towards +z, a quarter to the right of its left edge is +x, the
-/// top is +y. Turning it by +90 degrees around +y takes +z to +x.
+/// As in Mitsuba 3's `envmap`, the middle of the image looks towards +z, +x is a quarter of the width to the right of
+/// its left edge, and the top is +y. Turning it by +90 degrees around +y takes +z to +x.
 #[test]
 fn environment_stands_as_in_mitsuba() {
     let (width, height) = (64, 33);
@@ -128,7 +128,7 @@ fn environment_stands_as_in_mitsuba() {
     );
 }
 
-/// Towards these directions, before they have unit length, ...
+/// Towards these directions, before they are normalised, ...
 const DIRECTIONS: [[f32; 3]; 6] = [
     [1.0, 2.0, -0.5],
     [-0.3, -1.0, 0.8],
@@ -181,7 +181,7 @@ fn environments_turn_as_mitsubas() {
                 (found - Rgb::from(expected)).abs().max_element() < 2e-5,
                 "{steps} towards {dir}: {found}, not {expected:?}"
             );
-            // Samples of it are of it.
+            // Its samples lie on it.
             let sample = sky.sample(Vec2::new(dir.x.abs(), dir.y.abs()));
             assert!((sample.dir.length() - 1.0).abs() < 1e-6);
             assert!((sky.pdf(sample.dir) / sample.pdf - 1.0).abs() < 1e-3);

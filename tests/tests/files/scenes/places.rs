@@ -12,7 +12,7 @@ use beamfarm_render::world::light::LightKind;
 fn camera_sees_right_and_up() {
     let scene = load("");
     let corner = scene.camera.ray(Vec2::new(8.0, 0.0), Vec2::ZERO).dir;
-    // 90 degrees across, half as much of the tangent upwards.
+    // 90 degrees horizontally; vertically half of the tangent.
     assert!((corner - Vec3::new(1.0, 0.5, -1.0).normalize()).length() < 1e-6);
     for (axis, tan_half_x) in [("x", 1.0), ("y", 2.0), ("smaller", 2.0), ("larger", 1.0)] {
         let text = VIEW.replace("fov = 90", &format!("fov = 90, fov_axis = \"{axis}\""));
@@ -20,7 +20,7 @@ fn camera_sees_right_and_up() {
     }
 }
 
-/// Geometric normals at the near side of things, seen from the camera on +z.
+/// Geometric normals on the near side of objects, seen from the camera on +z.
 #[test]
 fn sides_are_where_the_format_says() {
     let down = [0.0, 0.0, -1.0];
@@ -65,7 +65,7 @@ fn sides_are_where_the_format_says() {
     }
 }
 
-/// An instance is where, and what, the same shape with the same transform is; mirrored and stretched ones too.
+/// An instance is the same as the shape itself with the same transform, also where it is mirrored or stretched.
 #[test]
 fn instances_equal_shapes_of_their_own() {
     let own = "{ rotate = { axis = [1, 2, 3], angle = 40 } }";
@@ -107,7 +107,7 @@ fn instances_equal_shapes_of_their_own() {
     }
 }
 
-/// Moved as a whole by 100 km, a scene of a metre is the same in render space.
+/// A scene of one metre moved by 100 km is the same in render space.
 #[test]
 fn far_from_the_origin_nothing_changes() {
     let text = |x: &str| {
@@ -157,7 +157,8 @@ fn far_from_the_origin_nothing_changes() {
     }
 }
 
-/// All that can be hit, and the camera, lie inside the bounds; for one ball at the camera's place they fit closely.
+/// Everything that can be hit, and the camera, lie inside the bounds; for a single ball at the camera's place they are
+/// tight.
 #[test]
 fn bounds_hold_everything() {
     let scene = load_with(
@@ -181,7 +182,7 @@ fn bounds_hold_everything() {
     assert!((4.0..4.01).contains(&ball.bounds.radius));
 }
 
-/// A box of walls that are instances gets the ball through its corners, whatever its walls are made of.
+/// A box whose walls are instances gets the ball through its corners, whatever shapes the walls are.
 #[test]
 fn bounds_are_tight() {
     let walls = |shape: &str| {

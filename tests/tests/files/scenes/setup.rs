@@ -1,4 +1,4 @@
-//! Scenes from text, and rays into them.
+//! Scenes from text, and rays through them.
 
 use beamfarm_image::bundle::Bundle;
 use beamfarm_render::math::{Ray, Vec3};

@@ -1,4 +1,4 @@
-//! Beams that are hardly there.
+//! Beams at the edge of vanishing.
 
 use beamfarm_render::cpu::beam::PhotonBeam;
 use beamfarm_render::cpu::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
@@ -83,7 +83,7 @@ fn a_beam_of_zero_length_adds_nothing() {
     for ray in rays() {
         for radius in [1e-12, 1e-3, 1.0] {
             assert_eq!(seen(vec![beam(0.0, radius)], ray), Rgb::ZERO, "{ray:?}");
-            // Into how many pieces a beam is cut depends on the lengths of all.
+            // The number of pieces that a beam is cut into depends on the lengths of all.
             let dark = PhotonBeam {
                 power: Rgb::ZERO,
                 ..beam(0.0, radius)

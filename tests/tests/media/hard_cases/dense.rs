@@ -44,7 +44,7 @@ fn ink_is_black() {
         let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
         for pass_index in [0, 1, 1000, 1_000_000] {
             let image = render_pass(&scene, &plan, pass_index).expect("a pass");
-            // What half space sends back is less than its albedo.
+            // A half space reflects less than its albedo.
             let limit = (2.0 * sigma_s / sigma_a) as f32;
             let brightest = image.film.pixels.iter().flatten().fold(0.0, |m: f32, v| m.max(*v));
             assert_eq!(image.stats.non_finite, 0);
@@ -54,7 +54,7 @@ fn ink_is_black() {
     }
 }
 
-/// Light goes in and out through a skin of 1e-4: photons must not wander in there for ever.
+/// Light enters and leaves through a skin of 1e-4: photons must not wander in there for ever.
 #[test]
 fn milk_costs_few_beams() {
     let scene = scene(&ball(0.0, 1e4));
@@ -62,7 +62,7 @@ fn milk_costs_few_beams() {
     for pass_index in [0, 1000] {
         let image = render_pass(&scene, &plan, pass_index).expect("a pass");
         assert_eq!(image.stats.non_finite, 0);
-        // Perhaps there are no photons at all.
+        // There may be no photons at all.
         let beams = image.stats.beams as f64 / image.stats.paths.max(1) as f64;
         assert!(beams < 60.0, "{beams} beams a path");
     }

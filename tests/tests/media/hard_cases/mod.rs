@@ -1,23 +1,23 @@
-//! What is hard on the numbers: everything stays finite, unbiased, and as quick as the ordinary.
+//! Numerically hard cases: everything stays finite, unbiased, and as fast as the ordinary.
 //!
 //! | hard case | where it is tested |
 //! | --- | --- |
 //! | ray parallel to a beam | `one_beam.rs`, down to an angle of zero |
 //! | beam of zero length | here |
-//! | camera inside of a beam, of glass, of a medium | here |
-//! | radius scales far out | `shared/src/radius.rs` to 1e12; pictures of pass 1e6 here |
+//! | camera inside a beam, glass or a medium | here |
+//! | extreme radius scales | `shared/image/src/radius.rs` to 1e12; pictures of pass 1e6 here |
 //! | scenes scaled by 1e-3 and 1e4 | here |
 //! | scenes moved by 1e5 | `scenes/places.rs`: in render space they are the same |
 //! | sigma_t of 0, also in one channel, and tiny | here |
 //! | sigma_t of 1e4 | here |
-//! | albedo of 1 | `furnace.rs`, and all of the furnaces here |
+//! | albedo of 1 | `furnace.rs`, and all furnaces here |
 //! | Henyey and Greenstein's g of ±0.999 | here, finite and no more than the truth; exact along one beam in `one_beam.rs` |
 //! | total internal reflection, index-matched glass, grazing angles | here; `bsdf/tests.rs` |
 //! | coincident and degenerate triangles | here |
-//! | lights at a boundary, inside of glass; nested media | here; `near_lights.rs` |
+//! | lights at a boundary and inside glass; nested media | here; `near_lights.rs` |
 //! | a majorant that a grid almost violates | here; `transmittance.rs`, `grid_media.rs` |
-//! | a million passes of one value, and of a large one with noise | `shared/tests/merge.rs` |
-//! | NaN and infinities | `shared/tests/merge.rs`; over the network in `farm/submissions.rs` |
+//! | a million passes of one value, and of a large one with noise | `shared/image/tests/merge.rs` |
+//! | NaN and infinities | `shared/image/tests/merge.rs`; over the network in `farm/submissions.rs` |
 
 mod beams;
 mod dense;
@@ -25,7 +25,7 @@ mod dense;
 use beamfarm_harness::Suite;
 use beamfarm_harness::hard_cases::{cases, ordinary};
 
-/// No case may ask for more beams or evaluations than this, relative to the ordinary one.
+/// No case may need more than this many times the beams or evaluations of the ordinary one.
 const MAX_WORK: f64 = 3.0;
 
 #[test]
@@ -40,7 +40,7 @@ fn furnaces_are_one_and_cost_what_the_ordinary_one_does() {
         assert_eq!(outcome.stats.non_finite, 0, "{name}");
         for (c, ratio) in outcome.ratio.iter().enumerate() {
             println!("{name}, channel {c}: {:.4} +- {:.4}", ratio.mean(), ratio.std_error());
-            // The nearest value that kernels explain, and the rarity of what there is to see.
+            // The nearest value that kernels and the rarity of visible light explain.
             let least = if case.rarely_seen { 0.0 } else { 1.0 - case.allowance };
             let allowed = ratio.mean().clamp(least, 1.0 + case.allowance);
             suite.mean(format!("{name}, channel {c}"), ratio, allowed);

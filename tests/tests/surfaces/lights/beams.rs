@@ -1,9 +1,9 @@
-//! Light that leaves a lamp in few directions: whatever finds it, it is that of the path tracer.
+//! Light that leaves a lamp in few directions: every technique finds what the path tracer finds.
 
 use crate::surfaces::lights::setup::{PATHS, PHOTONS, found_once};
 use beamfarm_harness::render::scene;
 
-/// A room of fog; lamps beside the lines that the camera looks along.
+/// A room of fog, with lamps next to the camera's lines of sight.
 fn room(lamps: &str) -> String {
     format!(
         r#"
@@ -50,7 +50,7 @@ fn lasers_are_found_once() {
     found_once(&scene(&room(lamps)), &[[PHOTONS; 3], [PATHS; 3]], 480);
 }
 
-/// On both sides; by a checkerboard, and stretched.
+/// On both sides; with a checkerboard, and stretched.
 #[test]
 fn spreads_are_found_once() {
     let lamps = "[[shapes]]\ntype = \"rectangle\"\n\

@@ -36,7 +36,7 @@ fn lights_are_chosen_by_power() {
         assert!((selector.pmf(i) - share / total).abs() < 1e-6);
     }
     let mut rng = Sampler::new(8, 0, Purpose::Test, 0);
-    // By light and by tenth of the rescaled number.
+    // By light and by tenth of the rescaled random number.
     let mut observed = vec![0u64; lights.len() * 10];
     for _ in 0..SAMPLES {
         let choice = selector.sample(rng.next_1d()).unwrap();
@@ -82,7 +82,7 @@ fn all_kinds() -> (Vec<Object>, Vec<Light>) {
     (objects, lights)
 }
 
-/// At any point the probabilities sum to one, and a light that brings anything there has one.
+/// At every point the probabilities sum to one, and no light that contributes there has probability zero.
 #[test]
 fn every_light_that_shines_on_a_point_may_be_chosen_there() {
     let (objects, lights) = all_kinds();
@@ -103,17 +103,17 @@ fn every_light_that_shines_on_a_point_may_be_chosen_there() {
             };
             let cos = normal.map_or(1.0, |normal| normal.dot(direct.wi));
             let is_lit = cos > 1e-5 && direct.weight.max_element() > 0.0;
-            // A fifth goes by power.
+            // A fifth of the choices goes by power.
             let least = 0.2 * by_power.pmf(i) * (1.0 - 1e-5);
             assert!(!is_lit || choice.pmf(i) >= least, "light {i} at {at}");
             never[i] += usize::from(choice.pmf(i) == 0.0);
         }
     }
-    // What is behind a light, below the horizon or beside a cone is known.
+    // A point behind a light, below its horizon or outside its cone is recognised.
     assert!(never[0] > 0 && never[4] > 0 && never[6] > 0, "{never:?}");
 }
 
-/// Four fifths go by irradiance, one by power; the draws follow the probabilities.
+/// Four fifths of the choices go by irradiance, one by power; the draws follow the probabilities.
 #[test]
 fn lights_near_a_point_are_chosen_more_often_there() {
     let positions = [[0.0, 0.0, 1.0], [0.0, 3.0, 4.0], [0.0, 0.0, -2.0]].map(Vec3::from);
@@ -149,8 +149,8 @@ fn lights_near_a_point_are_chosen_more_often_there() {
     suite.finish();
 }
 
-/// A floor that a lamp high above lights, and another, nearer, is kept off by a wall. The estimate is right, and finds
-/// the lamp as often as the probability says, twice that of one choice: what is wasted on the other has a bound.
+/// A floor lit by a lamp high above, while a wall blocks a nearer lamp. The estimate is right, and finds the lamp as
+/// often as the probability says, twice as often as a single choice: what is wasted on the other lamp is bounded.
 #[test]
 fn a_near_light_behind_a_wall_does_not_hide_a_far_one() {
     let scene = render::scene(

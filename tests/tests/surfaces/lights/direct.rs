@@ -1,4 +1,4 @@
-//! Light towards a point: samples, their densities, and the irradiance that they add up to.
+//! Light towards a point: samples, their densities, and the irradiance that they sum to.
 
 use crate::surfaces::lights::setup::{
     RADIANCE, SAMPLES, SIGNIFICANCE, ball, cylinder, disc, emitter, light, patterned, point, rectangle, shapes, sky,
@@ -20,7 +20,7 @@ fn directs(light: &Light, objects: &[Object], from: Vec3) -> impl Iterator<Item 
     (0..SAMPLES).map(move |_| light.sample_direct(objects, from, rng.next_2d(), rng.next_1d()))
 }
 
-/// The density of a light in a direction by tracing a ray there, as integrators ask for it.
+/// A light's density in a direction, found by tracing a ray there as integrators do.
 fn traced_pdf(light: &Light, objects: &[Object], geometry: &Geometry, from: Vec3, wi: Vec3) -> f32 {
     let ray = Ray { origin: from, dir: wi };
     let hit = geometry
@@ -39,8 +39,8 @@ const FROM: [Vec3; 3] = [
     Vec3::new(-0.5, -1.5, 0.0),
 ];
 
-/// Inverse densities sum to the solid angle that the light fills, octant by octant, which rays in random directions
-/// measure too. (Outlines cut through chi-square bins, so that quadrature of the density would be hard.)
+/// Inverse densities sum to the solid angle that the light fills, octant by octant, as also measured by rays in random
+/// directions. (Outlines cut through chi-square bins, so quadrature of the density would be hard.)
 #[test]
 fn direct_sampling_covers_the_solid_angle() {
     let mut suite = Suite::new(SIGNIFICANCE);
@@ -53,7 +53,7 @@ fn direct_sampling_covers_the_solid_angle() {
             let frame = Frame::from_normal(to_center.normalize());
             let ratio = 0.5 * (high - low).length() / to_center.length();
             let cos = (1.0 - ratio * ratio).max(0.0).sqrt();
-            // Eight sectors of two rings each.
+            // Two rings of eight sectors each.
             let bin = |wi: Vec3| {
                 let local = frame.to_local(wi);
                 let sector = (local.x > 0.0) as usize
@@ -65,7 +65,7 @@ fn direct_sampling_covers_the_solid_angle() {
             for sample in directs(light, objects, from) {
                 let inverse = sample.map_or((usize::MAX, 0.0), |sample| {
                     let pdf = traced_pdf(light, objects, &geometry, from, sample.wi);
-                    // Within a rounding of the outline a ray may just miss; there the density is high.
+                    // Within rounding of the outline a ray may just miss; there the density is high.
                     (bin(sample.wi), if pdf > 0.0 { 1.0 / pdf } else { 0.0 })
                 });
                 for (i, estimate) in sampled.iter_mut().enumerate() {
@@ -110,7 +110,7 @@ fn cones_around_spheres_are_sampled_uniformly() {
             primitive: 0,
             distance: distance - radius,
         });
-        // Height of the cap in units of the whole cone's, and azimuth in units of a turn.
+        // Height within the cap as a share of the whole cone's, and azimuth in turns.
         let unit = Rect {
             x: (0.0, 1.0),
             y: (-0.5, 0.5),
@@ -156,7 +156,7 @@ fn direct_samples_lie_on_the_light_at_their_distance_with_their_density() {
             };
             let cos = hit.ng.dot(-sample.wi);
             if cos < 0.05 {
-                // Grazing: the point is as uncertain as the surface is steep.
+                // Grazing: the point is the more uncertain the steeper the surface.
                 continue;
             }
             assert!((hit.t / sample.distance - 1.0).abs() < 1e-5, "{name}");
@@ -168,7 +168,7 @@ fn direct_samples_lie_on_the_light_at_their_distance_with_their_density() {
                 "{name}"
             );
         }
-        // Within a rounding of the outline a ray may just miss.
+        // Within rounding of the outline a ray may just miss.
         let all: f32 = samples.iter().map(|sample| 1.0 / sample.pdf).sum();
         assert!(missed <= 1e-5 * all, "{name}: {missed} of {all} missed");
     }
@@ -192,7 +192,7 @@ fn irradiance_matches_closed_forms() {
     let pi = std::f64::consts::PI;
     let normal = Vec3::new(0.6, 0.0, 0.8);
 
-    // Sphere: pi L (r / d)^2 times the cosine to its centre, while all of it is above the horizon.
+    // Sphere: pi L (r / d)^2 times the cosine to its centre, while the whole sphere is above the horizon.
     for (radius, distance) in [(0.5, 2.0), (0.9, 1.0), (1e-3, 1e4), (2e-4, 3e5)] {
         let towards = Vec3::new(0.48, 0.64, 0.6);
         let (objects, light) = emitter(ball(towards * distance, radius));
@@ -225,8 +225,8 @@ fn irradiance_matches_closed_forms() {
         assert_eq!(behind.mean(), 0.0, "discs have one side");
     }
 
-    // The inside of a cylinder of radius R and height H from the middle of its base: pi L H^2 / (R^2 + H^2), the rest
-    // of what the other end leaves.
+    // The inside of a cylinder of radius R and height H from the middle of its base: pi L H^2 / (R^2 + H^2), which is
+    // all but what the other end subtends.
     for (radius, height) in [(0.5f32, 2.0f32), (3.0, 0.7)] {
         let map = Affine3A::from_scale(Vec3::new(radius, radius, height));
         let (objects, light) = emitter(cylinder(map, true));
@@ -254,7 +254,7 @@ fn irradiance_matches_closed_forms() {
         suite.mean(format!("rectangle {a} {b} {d}"), &mean, pi * radiance * factor);
     }
 
-    // Constant radiance from all around, and radiance theta / pi from two rows, whose integral is pi / 4.
+    // Constant radiance from everywhere, and radiance theta / pi from an image of two rows, whose integral is pi / 4.
     let mean = irradiance(&sky(None), &[], Vec3::ZERO, normal);
     suite.mean("even sky", &mean, pi * radiance);
     let rows = Image {
@@ -285,7 +285,7 @@ fn delta_lights_follow_the_inverse_square_law() {
     assert!((sample.weight - RADIANCE / 25.0).length() < 1e-6);
     assert!(direct(&point(from)).is_none(), "at the light itself");
 
-    // Half way down the ramp.
+    // Halfway down the ramp.
     let turned = Mat3::from_axis_angle(Vec3::X, 17.5f32.to_radians()) * -offset;
     let sample = direct(&spot(from + offset, turned, 15.0, 20.0)).unwrap();
     assert!((sample.weight - RADIANCE / 50.0).length() < 1e-5);

@@ -1,4 +1,4 @@
-//! What lights emit: their power, and photons where and whither their densities say.
+//! What lights emit: their power, and photons distributed in position and direction as their densities say.
 
 use crate::surfaces::lights::setup::{
     BOUNDS, RADIANCE, SAMPLES, SIGNIFICANCE, ball, emitter, of_ball, point, rectangle, shapes, sky, speckled, spot,
@@ -70,7 +70,7 @@ fn mean_emission_is_the_power() {
     suite.finish();
 }
 
-/// Radiant exitance, solid angles and projected areas in plain numbers.
+/// Radiant exitance, solid angles and projected areas as plain numbers.
 #[test]
 fn powers_of_simple_lights() {
     let close = |a: Rgb, b: Rgb| assert!((a / b - 1.0).abs().max_element() < 1e-5, "{a} != {b}");
@@ -86,7 +86,7 @@ fn powers_of_simple_lights() {
     // 2 pi (1 - (sin c - sin b) / (c - b)) with b = 0, c = pi / 2.
     let ramp = spot(Vec3::ZERO, Vec3::X, 0.0, 90.0);
     close(ramp.power(&[], &BOUNDS), RADIANCE * (2.0 * PI * (1.0 - 2.0 / PI)));
-    // Of 1 - angle / cutoff over a small disc: a third.
+    // The mean of 1 - angle / cutoff over a small disc is a third.
     let narrow = spot(Vec3::ZERO, Vec3::X, 0.0, 0.01);
     let cutoff = 0.01f32.to_radians();
     close(narrow.power(&[], &BOUNDS), RADIANCE * (PI * cutoff * cutoff / 3.0));
@@ -107,7 +107,7 @@ fn spot_emission_follows_its_falloff() {
         let mut solid = vec![MeanEstimate::new(); rings];
         let mut flux = vec![MeanEstimate::new(); rings];
         for sample in emissions(&light, &[], 2) {
-            // From the chord, which has digits left at small angles.
+            // From the chord, which stays precise at small angles.
             let chord = (sample.dir - axis).as_dvec3().length();
             let angle = 2.0 * libm::asin(0.5 * chord);
             for ring in 0..rings {

@@ -1,4 +1,4 @@
-//! Light from all around: which way its image stands, and that all of it is found.
+//! Light from everywhere: the orientation of its image, and that all of it is found.
 
 use crate::surfaces::lights::setup::{RADIANCE, SAMPLES, SIGNIFICANCE, sky, speckled};
 use beamfarm_harness::{Chi2, MeanEstimate, Suite, render};
@@ -91,7 +91,7 @@ fn environment_is_sampled_wherever_it_shines() {
     assert_eq!(black.pdf(Vec3::X), 0.25 / PI);
 }
 
-/// A sky of 1 with a spot of `spot` in its upper half.
+/// A sky of 1 with a bright spot of value `spot` in its upper half.
 fn with_spot(spot: f32) -> Arc<Image> {
     let pixels = (0..64 * 32).map(|i| match (i % 64, i / 64) {
         (20..23, 9..11) => Rgb::new(spot, 0.8 * spot, 0.5 * spot),
@@ -105,7 +105,7 @@ fn with_spot(spot: f32) -> Arc<Image> {
     })
 }
 
-/// Passes and path tracer read the same parts, so only the image can say whether they lack any light.
+/// Passes and path tracer read the same parts, so only the image can show whether both lack light.
 #[test]
 fn a_sky_and_its_sun_are_the_image() {
     let turned = Mat3::from_rotation_y(0.7);
@@ -135,7 +135,7 @@ fn a_sky_and_its_sun_are_the_image() {
     assert!((1000..9000).contains(&is_in_sun));
 }
 
-/// Nothing is gained by cutting what is even, nor what is nothing but suns.
+/// Splitting an even image, or one that consists only of suns, gains nothing.
 #[test]
 fn even_skies_and_suns_alone_are_one_light() {
     let mut sun = Image::clone(&with_spot(1e3));
@@ -152,7 +152,7 @@ fn even_skies_and_suns_alone_are_one_light() {
     }
 }
 
-/// Scattered rays alone find an even sky: where nothing is in the way, one of them finds all of its light.
+/// Scattered rays alone find an even sky: where nothing blocks it, one of them finds all of its light.
 #[test]
 fn an_even_sky_over_an_open_floor_has_no_noise() {
     let floor = r#"
@@ -174,7 +174,7 @@ reflectance = [0.8, 0.6, 0.5]
 type = "environment"
 radiance = [1, 2, 3]
 "#;
-    // A lamp beside it is aimed at, and has no share in where the sky is.
+    // A lamp in the same scene is sampled directly, and takes no share from the sky.
     let lamp = "[[lights]]\ntype = \"point\"\nposition = [0, -1, 0]\nintensity = 5\n";
     for surfaces in ["photons", "paths"] {
         for lamp in ["", lamp] {

@@ -1,4 +1,4 @@
-//! What a small lamp brings by way of glass does not depend on how far the ground goes on.
+//! What a small lamp brings through glass does not depend on the size of the ground.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{blocks, scene};
@@ -43,8 +43,8 @@ emission = {{ radiance = 55.0 }}
     )
 }
 
-/// Significance 1e-3 for all blocks of all pictures. A ground of 300 was right when that of 1,000 was not: kernels were
-/// not wider than what hits are uncertain by there.
+/// Significance 1e-3 for all blocks of all pictures. A ground of 300 was right when that of 1,000 was not: there,
+/// kernels were no wider than the uncertainty of hits.
 #[test]
 fn the_ground_takes_no_caustic_from_a_lamp() {
     let mut suite = Suite::new(1e-3);

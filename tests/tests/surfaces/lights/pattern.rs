@@ -1,4 +1,4 @@
-//! Surfaces whose radiance varies by a texture: how points on them are drawn, and pictures by their light.
+//! Surfaces whose radiance varies with a texture: how points on them are drawn, and pictures lit by them.
 
 use crate::surfaces::lights::setup::{BOUNDS, PATHS, PHOTONS, SIGNIFICANCE, found_once, patterned, rectangle, shapes};
 use beamfarm_harness::render::{Blocks, blocks, blur, reference_images, scene};
@@ -13,7 +13,7 @@ use beamfarm_render::world::texture::Texture;
 use glam::Affine2;
 use std::sync::Arc;
 
-/// The mean of what photons stand for is the light's power, which comes from a lattice of samples: within 0.5 %.
+/// Photons carry the light's power in the mean; the power comes from a lattice of samples, within 0.5 %.
 #[test]
 fn mean_emission_is_the_power() {
     let mut suite = Suite::new(SIGNIFICANCE);
@@ -35,8 +35,8 @@ fn mean_emission_is_the_power() {
     suite.finish();
 }
 
-/// Of two rectangles in one mesh of which one is black, nearly all points are drawn on the other, and all that is
-/// emitted is as much as that one emits.
+/// With one of a mesh's two rectangles black, nearly all points are drawn on the other, and the emitted power is that
+/// of the other.
 #[test]
 fn points_are_drawn_where_light_is() {
     let Shape::Mesh { mesh: one, .. } = rectangle(Vec3::ZERO, Vec3::X, Vec3::Y) else {
@@ -79,7 +79,7 @@ fn points_are_drawn_where_light_is() {
     suite.finish();
 }
 
-/// A panel of four squares, of different sizes and colours, over a floor that is seen from right below the panel.
+/// A panel of four squares, of different sizes and colours, over a floor that is seen from just below the panel.
 const PANEL: &str = r#"
 [image]
 width = 8
@@ -124,7 +124,7 @@ fn emitted(x: f64, z: f64) -> [f64; 3] {
     }
 }
 
-/// Radiance of the floor at (x, 0, z): midpoints of a grid whose lines the squares' edges are.
+/// Radiance of the floor at (x, 0, z), by the midpoint rule on a grid aligned with the squares' edges.
 fn floor_at(x: f64, z: f64) -> [f64; 3] {
     const N: i32 = 50;
     let mut sum = [0.0; 3];
@@ -184,7 +184,7 @@ fn a_floor_is_lit_by_what_is_on_a_panel() {
     suite.finish();
 }
 
-/// A texture of one colour is that colour.
+/// A texture of one colour equals that colour.
 #[test]
 fn an_even_texture_is_a_plain_number() {
     let plain = blocks(&panel("{ radiance = [3, 2, 1] }", ""), 4);
@@ -199,7 +199,7 @@ fn an_even_texture_is_a_plain_number() {
     let mut suite = Suite::new(SIGNIFICANCE);
     suite.same_blocks("even", &blocks(&even, 4), &plain, 1e-6);
     suite.finish();
-    // And none that is black is a light.
+    // A black one is no light.
     for black in [
         "{ radiance = { checkerboard = [0, 0] } }",
         "{ radiance = { checkerboard = [1, 1] }, scale = 0 }",

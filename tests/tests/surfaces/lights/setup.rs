@@ -13,7 +13,7 @@ use beamfarm_render::world::texture::{Image, Texture, TextureFilter, Wrap};
 use glam::{Affine2, Affine3A, Mat3};
 use std::sync::Arc;
 
-/// Chance of a false alarm per test function, if all is right and the seeds were new.
+/// Chance of a false alarm per test function, if everything is right and the seeds were fresh.
 pub const SIGNIFICANCE: f64 = 0.01;
 
 pub const SAMPLES: u64 = 200_000;
@@ -76,7 +76,7 @@ pub fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Shape {
     }
 }
 
-/// A rectangle from one corner along two edges; its normal is their cross product.
+/// A rectangle spanned by two edges from a corner; its normal is their cross product.
 pub fn rectangle(corner: Vec3, a: Vec3, b: Vec3) -> Shape {
     mesh(
         vec![corner, corner + a, corner + a + b, corner + b],
@@ -161,7 +161,7 @@ pub fn spot(position: Vec3, axis: Vec3, beam_width: f32, cutoff: f32) -> Light {
     }))
 }
 
-/// The same spot, from a ball and with another ramp.
+/// The same spot as a ball and with another ramp.
 pub fn of_ball(mut light: Light, radius: f32, ramp: Ramp) -> Light {
     if let LightKind::Spot(spot) = &mut light.kind {
         (spot.radius, spot.ramp) = (radius, ramp);
@@ -173,7 +173,7 @@ pub fn sun(direction: Vec3) -> Light {
     wide_sun(direction, 0.0)
 }
 
-/// `angle`: all of it, in degrees.
+/// `angle`: the full angle, in degrees.
 pub fn wide_sun(direction: Vec3, angle: f32) -> Light {
     light(LightKind::Directional(Sun {
         direction: direction.normalize(),
@@ -237,8 +237,8 @@ pub fn shapes() -> Vec<(&'static str, Shape)> {
 pub const PHOTONS: Option<Technique> = Some(Technique::Photons);
 pub const PATHS: Option<Technique> = Some(Technique::Paths);
 
-/// Whatever finds the light, of media, surfaces and caustics: it is that of the path tracer.
-/// `images`: of the path tracer.
+/// Every technique, for media, surfaces and caustics, finds the light that the path tracer finds. `images`: how many of
+/// the path tracer.
 pub fn found_once(scene: &Scene, ways: &[[Option<Technique>; 3]], images: u64) {
     let mut suite = Suite::new(SIGNIFICANCE);
     let settings = ReferenceSettings {

@@ -1,5 +1,5 @@
-//! Photons go to lights by what they may bring into the picture: neither a ground that goes on and on, nor lights that
-//! are much stronger, take them from a small lamp.
+//! Photons go to lights by their possible contribution to the picture: neither an endless ground nor much stronger
+//! lights take them from a small lamp.
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{blocks, scene};
@@ -46,8 +46,8 @@ radiance = 0.5
     )
 }
 
-/// Significance 1e-3 for all blocks of all pictures. What a larger ground sends back at the ball is little: it lies
-/// below the horizon of all that is seen.
+/// Significance 1e-3 for all blocks of all pictures. A larger ground reflects little more onto the ball: it lies below
+/// the horizon of everything visible.
 #[test]
 fn the_ground_takes_no_photons_from_a_lamp() {
     let mut suite = Suite::new(1e-3);

@@ -1,4 +1,4 @@
-//! Spots that are balls and suns with an angle: what photons of them bring is what their samples bring, and what an
+//! Spots that are balls and suns with an angular size: their photons bring what their samples bring, and what an
 //! integral says.
 
 use crate::surfaces::lights::setup::{
@@ -55,7 +55,7 @@ fn photons_start_where_their_densities_say() {
             assert!((start.pdf_dir / even - 1.0).abs() < 1e-3, "{angle}: {}", start.pdf_dir);
             Some(start.dir)
         };
-        // By the chord, which has digits left at small angles.
+        // From the chord, which stays precise at small angles.
         let chord = 2.0 * libm::sin(0.25 * f64::from(angle).to_radians());
         let pdf = |dir: Vec3| match (dir - axis).as_dvec3().length() < chord {
             true => even,
@@ -66,7 +66,7 @@ fn photons_start_where_their_densities_say() {
     suite.finish();
 }
 
-/// On squares of a plane across the light's way, far from a spot, close to it, and through it.
+/// On squares across the light's direction, far from a spot, close to it, and through it.
 #[test]
 fn photons_bring_what_light_samples_bring() {
     const SIDE: usize = 4;
@@ -122,7 +122,7 @@ fn photons_bring_what_light_samples_bring() {
         let mut lit = 0.0;
         for (i, (a, b)) in photons.iter().zip(samples).enumerate() {
             lit += b.mean();
-            // Where so few are that means are not normal, all together are enough.
+            // Where too few hit for means to be normal, only the sum of all is tested.
             if a.mean() > 1e-3 * f64::from(RADIANCE.x) {
                 suite.same_mean(format!("{name}, square {i}"), a, b);
             }
@@ -132,8 +132,8 @@ fn photons_bring_what_light_samples_bring() {
     suite.finish();
 }
 
-/// The irradiance across the middle of a sun is what it is given by, whatever its angle; that of a spot is a point's,
-/// while all of the ball shines there.
+/// A sun's irradiance across its direction is the given one, whatever its angle; a spot's is that of a point, where the
+/// whole ball shines.
 #[test]
 fn irradiance_does_not_depend_on_the_size() {
     let mut suite = Suite::new(SIGNIFICANCE);
@@ -151,7 +151,7 @@ fn irradiance_does_not_depend_on_the_size() {
     }
     let axis = AXIS.normalize();
     for (radius, cutoff) in [(1e-12, 40.0), (0.02, 40.0), (0.4, 60.0), (0.02, 0.4)] {
-        // All of the ball shines with full intensity there.
+        // The whole ball shines with full intensity there.
         let light = of_ball(spot(axis * -2.0, AXIS, 0.9 * cutoff, cutoff), radius, Ramp::Linear);
         let sine = 0.5 * radius;
         let is_all_lit = sine < libm::sinf(0.9 * cutoff.to_radians());
@@ -254,7 +254,7 @@ fn shadows_have_the_penumbra_of_the_light() {
                 let z = 0.1 * (2.0 * ((j / n) as f64 + 0.5) / n as f64 - 1.0);
                 let (axis, cos_max, radiance) = view(DVec3::new(x, 0.0, z));
                 for (wi, solid_angle) in cone(axis, cos_max) {
-                    // Where the way to the light comes to the height of the card, whose edge is at x = 1.
+                    // Where the line to the light reaches the height of the card, whose edge is at x = 1.
                     let passes = x + wi.x / wi.y < 1.0;
                     let arriving = radiance * solid_angle * wi.y / (n * n) as f64;
                     unhidden += arriving;
@@ -272,7 +272,7 @@ fn shadows_have_the_penumbra_of_the_light() {
     suite.finish();
 }
 
-/// A ball of glass over a floor that is lit by way of it, seen from above, in fog or not.
+/// A ball of glass over a floor that is lit through it, seen from above, in fog or not.
 fn under_glass(passes: u32, more: &str) -> String {
     format!(
         r#"
@@ -325,8 +325,8 @@ interior = "fog"
 transform = [{ scale = [1.5, 1.4, 1.5] }, { translate = [0, 1.45, 0] }]
 "#;
 
-/// A spot that shines to all sides is a ball of that power, which camera paths meet. Through glass, where no sample of
-/// it comes, photons bring its light; also in fog. Significance 1e-2.
+/// A spot that shines to all sides is a ball of that power, which camera paths hit. Through glass, where its samples do
+/// not reach, photons bring its light; also in fog. Significance 1e-2.
 #[test]
 fn photons_bring_it_through_glass() {
     let mut suite = Suite::new(1e-2);
@@ -336,7 +336,7 @@ fn photons_bring_it_through_glass() {
         emission = { power = 40 }\n";
     for (what, fog) in [("clear", ""), ("fog", FOG)] {
         let [spot, ball] = [light, ball].map(|light| {
-            // Lamps of the same surroundings: the ball in the fog is open to it.
+            // Lamps in the same surroundings: the ball in the fog is open to it.
             let light = match (fog, light.contains("shapes")) {
                 ("", _) | (_, false) => light.to_owned(),
                 (_, true) => format!("{light}exterior = \"fog\"\ninterior = \"fog\"\n"),
@@ -353,7 +353,7 @@ fn photons_bring_it_through_glass() {
     suite.finish();
 }
 
-/// A sun with an angle is the mean of parallel ones of random directions in it, also by way of glass.
+/// A sun with an angular size is the mean of parallel ones with random directions in it, also through glass.
 #[test]
 fn a_wide_sun_is_the_mean_of_parallel_ones() {
     let mut suite = Suite::new(1e-2);
@@ -443,7 +443,7 @@ fn all_estimators_find_the_light_once() {
     found_once(&scene(&format!("{HALL}{spot}{sun}")), &ways, 480);
 }
 
-/// No camera sees them.
+/// Cameras do not see them.
 #[test]
 fn cameras_do_not_see_them() {
     let view = "image = { width = 4, height = 4 }\nrender = { passes = 2 }\n\

@@ -1,4 +1,4 @@
-//! Soft falloff: 1 / (d^2 + r^2) of the intensity, in and near the lamp as well.
+//! Soft falloff: 1 / (d^2 + r^2) times the intensity, also in and near the lamp.
 
 use super::setup::{BOUNDS, PATHS, PHOTONS, RADIANCE, SIGNIFICANCE, ball, emitter, found_once, of_ball, spot};
 use beamfarm_harness::render::scene;
@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 const CENTER: Vec3 = Vec3::new(0.3, -0.2, 0.1);
 const RADIUS: f32 = 0.4;
 
-/// A ball and a wide spot, soft, and their intensities straight down.
+/// A ball and a wide spot with soft falloff, and their intensities straight down.
 fn lamps() -> [(Vec<Object>, Light, f64); 2] {
     let (objects, mut round) = emitter(ball(CENTER, RADIUS));
     if let LightKind::Area { soft, .. } = &mut round.kind {
@@ -27,8 +27,8 @@ fn lamps() -> [(Vec<Object>, Light, f64); 2] {
     [(objects, round, area * radiance), (Vec::new(), wide, radiance)]
 }
 
-/// Irradiance of what faces the lamp, from far away to nearly its middle; and what photons and shadow rays are weighed
-/// by is the density of the one over that of the other.
+/// Irradiance facing the lamp, from far away to nearly its middle. The weight of photons and of shadow rays is the
+/// ratio of their densities.
 #[test]
 fn shadow_rays_find_the_light_of_a_disc_that_faces_them() {
     let mut suite = Suite::new(SIGNIFICANCE);
@@ -64,12 +64,12 @@ fn shadow_rays_find_the_light_of_a_disc_that_faces_them() {
     suite.finish();
 }
 
-/// Photons bring through a disc below the lamp what shadow rays find there, in the ball as well.
+/// Through a disc below the lamp photons bring what shadow rays find there, also inside the ball.
 #[test]
 fn photons_start_where_the_light_does() {
     let mut suite = Suite::new(SIGNIFICANCE);
     for (objects, light, intensity) in lamps() {
-        // No cone of light is cut by the horizon.
+        // The horizon cuts none of the cones of light.
         for (height, reach) in [(0.16, 0.02), (0.4, 0.2), (0.6, 0.4), (2.0, 2.0_f32)] {
             let radius2 = f64::from(RADIUS * RADIUS);
             const RINGS: i32 = 2000;
@@ -106,8 +106,8 @@ fn photons_start_where_the_light_does() {
     suite.finish();
 }
 
-/// A lamp half sunk into a floor, with a collar around it and a bead in it, before a mirror, behind glass and in fog:
-/// photons, paths and the path tracer find the same.
+/// A lamp half sunk into a floor, with a collar around it and a bead in it, in front of a mirror, behind glass and in
+/// fog: photons, camera paths and the path tracer find the same.
 #[test]
 fn photons_and_paths_find_the_same_around_soft_lamps() {
     let room = |lamp: &str, ball: &str, medium: &str| {
@@ -191,6 +191,6 @@ medium = "fog"
     let ways = [[PATHS, PATHS, PATHS], [PHOTONS, PHOTONS, PHOTONS]];
     found_once(&room(ball, "glass", ""), &ways[1..], 16);
     found_once(&room(ball, "glass", fog), &ways, 16);
-    // No path meets a spot behind glass.
+    // No path hits a spot behind glass.
     found_once(&room(spot, "paint", fog), &ways, 16);
 }

@@ -16,8 +16,7 @@ fn on_both((objects, mut light): (Vec<Object>, Light)) -> (Vec<Object>, Light) {
     (objects, light)
 }
 
-/// The mean of what photons stand for is the light's power, and half of them leave on either side with the density
-/// that they say.
+/// Photons carry the light's power in the mean, and half of them leave on either side with the stated density.
 #[test]
 fn photons_leave_on_both_sides() {
     let mut suite = Suite::new(SIGNIFICANCE);
@@ -48,7 +47,7 @@ fn photons_leave_on_both_sides() {
     suite.finish();
 }
 
-/// Inverse densities of what is seen sum to the solid angle that the light fills, and all of it shines.
+/// Inverse densities of what is visible sum to the solid angle that the light fills, and all of it shines.
 #[test]
 fn both_sides_are_sampled() {
     let mut suite = Suite::new(SIGNIFICANCE);
@@ -87,7 +86,8 @@ fn both_sides_are_sampled() {
     suite.finish();
 }
 
-/// A sheet between two floors, closed by a wall, in fog, and a ball of glass on the lower one; half a pipe beside it.
+/// A sheet between two floors, enclosed by a wall, in fog, with a ball of glass on the lower floor and half a pipe next
+/// to it.
 const SHEET: &str = r#"
 [image]
 width = 24
@@ -142,7 +142,7 @@ fn all_estimators_find_the_light_once() {
     found_once(&scene(SHEET), &ways, 480);
 }
 
-/// A sheet that emits on both sides is two sheets back to back, each with half of the power.
+/// A sheet that emits on both sides equals two sheets back to back, each with half of the power.
 #[test]
 fn two_sheets_are_as_good() {
     let floor = r#"

@@ -121,6 +121,40 @@ fn a_constant_picture_comes_out_smooth_and_unbiased() {
     }
 }
 
+/// Skewed noise, as of random walks through media or of sparse photons: in each half, one pixel in eight has all of the
+/// light. The filters alone lose a seventh of it. The result keeps the light of the noisy picture within 2 %, and what is
+/// black stays black.
+#[test]
+fn skewed_noise_keeps_its_light() {
+    let is_lit = |x: u32, _: u32| x < 60;
+    let truth = film(|x, y| if is_lit(x, y) { 1.0 } else { 0.0 });
+    let mut noisy = Noisy::new(truth, film(|_, _| 0.5), |_| 0.0, 0, 9);
+    let mut rng = Pcg64Mcg::seed_from_u64(10);
+    for half in [&mut noisy.even, &mut noisy.odd] {
+        for pixel in &mut half.pixels {
+            let factor = if rng.next_u64().is_multiple_of(8) { 8.0 } else { 0.0 };
+            *pixel = pixel.map(|value| value * factor);
+        }
+    }
+    let [denoised, plain] = noisy.errors();
+    assert!(denoised < 0.1 * plain, "{denoised} of {plain}");
+    let (denoised, plain) = (noisy.denoised(), noisy.beauty());
+    let ratio = mean(&denoised, is_lit) / mean(&plain, is_lit);
+    assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
+    assert!(mean(&denoised, |x, _| x > 72) < 1e-3);
+}
+
+/// A firefly is in one half only. Its light does not come back.
+#[test]
+fn a_firefly_is_gone() {
+    let mut noisy = Noisy::new(film(|_, _| 1.0), film(|_, _| 0.5), |v| 0.2 * v, 0, 11);
+    noisy.even.pixels[(40 * WIDTH + 48) as usize] = [3000.0; 3];
+    let denoised = noisy.denoised();
+    let around = |x: u32, y: u32| x.abs_diff(48) < 16 && y.abs_diff(40) < 16;
+    let ratio = mean(&denoised, around);
+    assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
+}
+
 /// Tiles of albedo 0.2 and 0.7, lit evenly, as noisy as they differ: both keep their radiance, up to the last pixel.
 #[test]
 fn an_edge_of_albedo_is_kept() {

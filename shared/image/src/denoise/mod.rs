@@ -4,11 +4,13 @@
 //! covers many pixels, so neighbouring pixels have similar noise, and no filter can judge by the differences between
 //! neighbours. Here, each half is filtered on its own at several resolutions. The other half, which that filter has not
 //! seen, then decides pixel by pixel how much of the filtered half to take over. The same share is taken from the
-//! average, filtered likewise, whose weights are less noisy. Where there is no gain, the average stays.
+//! average, filtered likewise, whose weights are less noisy. Where there is no gain, the average stays. At the end, light
+//! that both halves have lost is given back.
 //!
 //! Distances of patches follow Rousselle, Knaus, Zwicker 2012, *Adaptive rendering with non-local means filtering*.
 
 mod blend;
+mod energy;
 mod plane;
 mod weights;
 
@@ -128,7 +130,7 @@ pub fn denoise(input: &Input) -> Result<Film, DenoiseError> {
         features: features(input),
         halvings: 0,
     };
-    let [_, _, all] = level.denoised();
+    let all = energy::restored(&level.pictures, &level.denoised(), &level.variance());
     let mut film = Film::new(beauty.width, beauty.height);
     for (i, pixel) in film.pixels.iter_mut().enumerate() {
         *pixel = std::array::from_fn(|c| (f64::from(all[c].values[i]) * magnitude) as f32);

@@ -1,0 +1,71 @@
+#!/usr/bin/env python3
+"""Renders the pictures of the gallery: python3 docs/gallery.py [NAME…]
+
+    cargo build --release
+    python3 docs/gallery.py                         # all of PICTURES, as many passes as each needs
+    python3 docs/gallery.py hero street --time 10m  # two of them, ten minutes each for now
+
+A picture's passes are kept in target/gallery/NAME.job, so hours of rendering may be cut into pieces: the same command goes
+on where the last one ended. Each picture becomes scenes/gallery/NAME.webp, of at most 250 kB. Needs Pillow.
+"""
+
+import argparse
+import pathlib
+import subprocess
+import sys
+
+from PIL import Image
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+BEAMFARM = ROOT / "target/release/beamfarm"
+GALLERY = ROOT / "scenes/gallery"
+JOBS = ROOT / "target/gallery"
+LARGEST = 250_000
+
+# Passes and pixels a row. Everything else is the scene's.
+PICTURES = {
+    "disco": (240, 1280),
+    "headlights": (120, 1280),
+    "hero": (160, 1280),
+    "hotel-night": (160, 1280),
+    "light-linking": (120, 1280),
+    "ocean": (100, 1280),
+    "rainbow": (400, 1280),
+    "street": (200, 1280),
+}
+
+
+def render(name, time):
+    """The picture of all passes that there are; renders more of them first."""
+    passes, width = PICTURES[name]
+    JOBS.mkdir(parents=True, exist_ok=True)
+    output, job = JOBS / f"{name}.exr", JOBS / f"{name}.job"
+    command = [BEAMFARM, "render", f"scenes/{name}.toml", "--width", str(width), "--passes", str(passes)]
+    command += ["--job", job, "-o", output, "--resume"] + (["--time", time] if time else [])
+    subprocess.run([str(part) for part in command], cwd=ROOT, check=True)
+    return output.with_suffix(".png")
+
+
+def compress(png, webp):
+    """A WebP of the best quality that is small enough."""
+    with Image.open(png) as picture:
+        for quality in range(92, 40, -4):
+            picture.convert("RGB").save(webp, quality=quality, method=6)
+            if webp.stat().st_size <= LARGEST:
+                return
+    sys.exit(f"{webp}: more than {LARGEST} bytes at the lowest quality")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"which: {', '.join(PICTURES)} (default: all)")
+    parser.add_argument("--time", help="how long for each at most, such as 10m (default: until its passes are complete)")
+    arguments = parser.parse_args()
+    for name in arguments.names or PICTURES:
+        if name not in PICTURES:
+            parser.error(f"{name}: expected one of {', '.join(PICTURES)}")
+        compress(render(name, arguments.time), GALLERY / f"{name}.webp")
+
+
+if __name__ == "__main__":
+    main()

@@ -41,7 +41,7 @@ def render(name, time):
     JOBS.mkdir(parents=True, exist_ok=True)
     output, job = JOBS / f"{name}.exr", JOBS / f"{name}.job"
     command = [BEAMFARM, "render", f"scenes/{name}.toml", "--width", str(width), "--passes", str(passes)]
-    command += ["--job", job, "-o", output, "--resume"] + (["--time", time] if time else [])
+    command += ["--job", job, "-o", output] + (["--time", time] if time else [])
     subprocess.run([str(part) for part in command], cwd=ROOT, check=True)
     return output.with_suffix(".png")
 

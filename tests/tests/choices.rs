@@ -224,6 +224,57 @@ interior = "none"
     assert_eq!(plan.estimators.ends(), PathEnds::Never, "{plan}");
 }
 
+/// The beam of a laser in smoke is not left to paths that scatter inside it by chance, though the lamp that lights the
+/// rest is cheaper by paths.
+#[test]
+fn the_beam_of_a_laser_is_not_left_to_paths() {
+    let text = |light: &str| {
+        format!(
+            r#"
+[image]
+width = 96
+height = 64
+[camera]
+origin = [0, 1.5, 6]
+target = [0, 0.5, 0]
+fov = 45
+[materials.wall]
+type = "diffuse"
+reflectance = 0.05
+two_sided = true
+[media.smoke]
+type = "homogeneous"
+sigma_a = 0.004
+sigma_s = 0.05
+[world]
+medium = "smoke"
+[[shapes]]
+type = "cube"
+material = "wall"
+transform = [{{ scale = [6, 2.5, 7] }}, {{ translate = [0, 2.4, 0] }}]
+[[shapes]]
+type = "rectangle"
+emission = {{ radiance = 0.3 }}
+transform = [{{ scale = [1.6, 0.9, 1] }}, {{ look_at = {{ origin = [-2, 3.6, -3], target = [0.3, 0, 0] }} }}]
+{light}
+"#
+        )
+    };
+    let laser =
+        "[[lights]]\ntype = \"laser\"\nposition = [-3, 0.6, 0]\ndirection = [1, 0, 0]\nradius = 0.02\npower = 1";
+    let slit = "[[lights]]\ntype = \"spot\"\nposition = [-3, 0.6, 0]\ntarget = [0, 0.6, 0]\ncutoff_angle = 0.3\n\
+                intensity = 1000";
+    for light in [laser, slit] {
+        let (_, plan) = chosen(&scene(&text(light)));
+        assert!(plan.beams, "{light}: {plan}");
+        assert_ne!(
+            plan.settings.techniques.media,
+            Some(Technique::Paths),
+            "{light}: {plan}"
+        );
+    }
+}
+
 fn fog_box(height: f32) -> String {
     format!(
         r#"

@@ -531,7 +531,7 @@ fn passes_on_a_device_have_the_same_bits_again() {
     assert!(auto.status.success(), "{said}");
     let note = said.lines().find(|line| line.starts_with("note: engine ")).unwrap();
     assert!(
-        note.contains("error² x time is 0.") && note.contains(" of error"),
+        note.contains("error² x time is 0.") && note.contains("% error"),
         "{note}"
     );
     let job = std::fs::read_to_string(path.join("d.job/job.json")).unwrap();

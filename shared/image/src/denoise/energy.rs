@@ -16,7 +16,9 @@ const WINDOW: usize = 2;
 pub fn restored(before: &Pictures, denoised: &Pictures, variance: &Colours) -> Colours {
     each(|c| {
         let lost = |of: usize| wide(&Plane::of([&before[of][c], &denoised[of][c]], |[old, new]| old - new));
-        let missing = Plane::of([&lost(0), &lost(1), &lost(2)], |[even, odd, all]| all * agreement(even, odd));
+        let missing = Plane::of([&lost(0), &lost(1), &lost(2)], |[even, odd, all]| {
+            all * agreement(even, odd)
+        });
         let deviation = Plane::of([&variance[c]], |[variance]| variance.max(0.0).sqrt());
         let around = wide(&deviation);
         Plane::of(

@@ -14,6 +14,7 @@ pub mod pilot;
 mod rare;
 mod stages;
 pub mod targeting;
+mod thin;
 pub mod weights;
 
 use crate::plan::aov::{LayerPlan, NoSuchGroup};

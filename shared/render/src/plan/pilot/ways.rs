@@ -3,6 +3,7 @@
 use super::PATHS;
 use super::pictures::SCALE;
 use crate::plan::targeting::Places;
+use crate::plan::thin::has_thin_light;
 use crate::plan::{RenderPlan, photons_decide};
 use crate::world::Scene;
 use beamfarm_image::job::{Budget, JobSettings, MAX_PASSES, Targeting, Technique, Techniques};
@@ -68,7 +69,7 @@ type Change = fn(Techniques) -> Techniques;
 fn decisions(scene: &Scene, said: Techniques) -> Vec<Vec<Change>> {
     let mut decisions: Vec<Vec<Change>> = Vec::new();
     if !photons_decide(scene) {
-        if said.media.is_none() {
+        if said.media.is_none() && !has_thin_light(scene) {
             decisions.push(vec![
                 |of| Techniques {
                     media: Some(Technique::Photons),

@@ -166,6 +166,53 @@ pub fn spot_lens() -> Mesh {
         .revolve(72)
 }
 
+/// A Fresnel lens of radius 1, as of a lighthouse, flat at z = 0, which makes light from z = -1.2 parallel to the z axis at
+/// index 1.5: rings of cones, each refracting the light through its middle.
+pub fn fresnel_lens() -> Mesh {
+    const RINGS: u32 = 24;
+    const FOCUS: f64 = 1.2;
+    const INDEX: f64 = 1.5;
+    let thin = 0.03;
+    let width = 1.0 / f64::from(RINGS);
+    let mut profile = Profile::default()
+        .line(v(0.0, 0.0), v(1.0, 0.0))
+        .line(v(1.0, 0.0), v(1.0, thin));
+    for ring in (0..RINGS).rev() {
+        let [inner, outer] = [ring, ring + 1].map(|edge| f64::from(edge) * width);
+        let middle = 0.5 * (inner + outer);
+        // The sine of the angle to the axis inside of the glass. The front is inclined by b with
+        // sin b = n sin(b - angle), so that light leaves along the axis.
+        let sine = middle / (middle * middle + FOCUS * FOCUS).sqrt() / INDEX;
+        let slope = INDEX * sine / (INDEX * (1.0 - sine * sine).sqrt() - 1.0);
+        let top = thin + slope * width;
+        profile = profile.line(v(outer, thin), v(inner, top));
+        if ring > 0 {
+            profile = profile.line(v(inner, top), v(inner, thin));
+        }
+    }
+    profile.revolve(96)
+}
+
+/// The tower of a lighthouse up to the floor of its lantern, with a gallery around it.
+pub fn lighthouse() -> Mesh {
+    Profile::default()
+        .spline(8, &[[3.0, 0.0], [2.2, 3.5], [1.85, 7.0], [1.7, 9.6]])
+        .line(v(1.7, 9.6), v(2.6, 10.1))
+        .line(v(2.6, 10.1), v(2.6, 10.3))
+        .line(v(2.6, 10.3), v(0.0, 10.3))
+        .revolve(64)
+}
+
+/// The roof of its lantern: a dome with a ball on top.
+pub fn lantern_roof() -> Mesh {
+    Profile::default()
+        .line(v(0.0, 13.3), v(2.2, 13.3))
+        .line(v(2.2, 13.3), v(2.2, 13.45))
+        .spline(6, &[[2.2, 13.45], [1.9, 13.95], [1.2, 14.4], [0.15, 14.7]])
+        .arc(10, v(0.0, 14.9), 0.25, -0.93, 0.5 * PI)
+        .revolve(64)
+}
+
 /// Outside of a spotlight; its lip meets the mirroring tube's end.
 pub fn spot_housing() -> Mesh {
     let r = 2.0 * SPOT_F;

@@ -121,7 +121,7 @@ fn a_constant_picture_comes_out_smooth_and_unbiased() {
     }
 }
 
-/// Skewed noise, as of random walks through media or of sparse photons: in each half, one pixel in eight has all of the
+/// Skewed noise, as of random walks through media or of sparse photons: in each half, one pixel in eight has all the
 /// light. The filters alone lose a seventh of it. The result keeps the light of the noisy picture within 2 %, and what is
 /// black stays black.
 #[test]

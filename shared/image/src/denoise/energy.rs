@@ -1,13 +1,13 @@
 //! What filters lose of the light, given back.
 //!
-//! Noise is skewed: a few pixels hold what many lack. A filter that dims the brightest takes light from the picture with
-//! the fireflies. What both halves have lost around a pixel was light; what only one has lost was a firefly of its own.
+//! Noise is skewed: a few pixels hold what many lack. A filter that dims the brightest removes light along with the
+//! fireflies. What both halves have lost around a pixel was light; what only one has lost was its own firefly.
 
 use super::plane::{Colours, Plane, each};
 use super::weights::Pictures;
 
-/// Halvings of the resolution at which losses are compared, and the radius of the windows there, applied twice: about 64
-/// pixels across, so that a loss of a hundredth stands out from the noise.
+/// Halvings of the resolution at which losses are compared, and the radius of the windows there, applied twice: about
+/// 64 pixels across, so that a loss of a hundredth stands out from the noise.
 const HALVINGS: usize = 3;
 const WINDOW: usize = 2;
 
@@ -31,8 +31,8 @@ pub fn restored(before: &Pictures, denoised: &Pictures, variance: &Colours) -> C
     })
 }
 
-/// How much of their mean two independent estimates have in common: 1 if they are equal, 0 if one is zero or they differ
-/// in sign.
+/// How much of their mean two independent estimates have in common: 1 if they are equal, 0 if one is zero or they
+/// differ in sign.
 fn agreement(a: f32, b: f32) -> f32 {
     let square = 0.25 * (a + b) * (a + b);
     match a * b > 0.0 && square > 0.0 {

@@ -4,8 +4,8 @@
 //! covers many pixels, so neighbouring pixels have similar noise, and no filter can judge by the differences between
 //! neighbours. Here, each half is filtered on its own at several resolutions. The other half, which that filter has not
 //! seen, then decides pixel by pixel how much of the filtered half to take over. The same share is taken from the
-//! average, filtered likewise, whose weights are less noisy. Where there is no gain, the average stays. At the end, light
-//! that both halves have lost is given back.
+//! average, filtered likewise, whose weights are less noisy. Where there is no gain, the average stays. At the end,
+//! light that both halves have lost is given back.
 //!
 //! Distances of patches follow Rousselle, Knaus, Zwicker 2012, *Adaptive rendering with non-local means filtering*.
 

@@ -166,8 +166,8 @@ pub fn spot_lens() -> Mesh {
         .revolve(72)
 }
 
-/// A Fresnel lens of radius 1, as of a lighthouse, flat at z = 0, which makes light from z = -1.2 parallel to the z axis at
-/// index 1.5: rings of cones, each refracting the light through its middle.
+/// A Fresnel lens of a lighthouse, radius 1, flat at z = 0. At index 1.5 it makes light from z = -1.2 parallel to the z
+/// axis: rings of cones, each for the light through its middle.
 pub fn fresnel_lens() -> Mesh {
     const RINGS: u32 = 24;
     const FOCUS: f64 = 1.2;

@@ -122,8 +122,8 @@ fn a_constant_picture_comes_out_smooth_and_unbiased() {
 }
 
 /// Skewed noise, as of random walks through media or of sparse photons: in each half, one pixel in eight has all the
-/// light. The filters alone lose a seventh of it. The result keeps the light of the noisy picture within 2 %, and what is
-/// black stays black.
+/// light. The filters alone lose a seventh of it. The result keeps the light of the noisy picture within 2 %, and what
+/// is black stays black.
 #[test]
 fn skewed_noise_keeps_its_light() {
     let is_lit = |x: u32, _: u32| x < 60;

@@ -462,7 +462,7 @@ class Fields(unittest.TestCase):
         tree, output = self.volume("ShaderNodeBsdfGlass")
         _, result = exported()
         self.assertEqual(result.left_out, [])
-        self.assertIn("'Glass BSDF' is nothing in a volume", "".join(result.notes))
+        self.assertIn("'Glass BSDF' has no effect in a volume", "".join(result.notes))
         # Nor do they make the surface transparent, as volumes do where there is no other shader.
         tree.links.remove(output.inputs["Surface"].links[0])
         scene, result = exported()

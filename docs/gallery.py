@@ -25,13 +25,9 @@ LARGEST = 250_000
 # Passes and pixels a row. Everything else is the scene's.
 PICTURES = {
     "disco": (240, 1280),
-    "headlights": (120, 1280),
     "hero": (160, 1280),
-    "hotel-night": (160, 1280),
     "laser": (160, 1280),
-    "light-linking": (120, 1280),
     "lighthouse": (200, 1280),
-    "ocean": (100, 1280),
     "rainbow": (400, 1280),
     "street": (200, 1280),
 }

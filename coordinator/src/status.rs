@@ -392,7 +392,7 @@ mod tests {
         assert!(text.contains("1m 1s") && text.contains("2.00"), "{text}");
         assert!(!text.contains('\u{1b}') && !text.contains("ends in"), "{text}");
         assert!(text.contains("01234567  working"), "{text}");
-        assert!(text.contains("engine    gpu 7\n"), "{text}");
+        assert!(text.contains("engine    gpu 8\n"), "{text}");
         assert!(text.contains("Card, discrete, 1.5 GiB"), "{text}");
         assert!(text.contains("desk cannot serve this job: no card"), "{text}");
         let json = serde_json::to_value(&report).unwrap();

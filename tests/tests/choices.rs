@@ -222,6 +222,14 @@ interior = "none"
 "#;
     let (_, plan) = chosen(&scene(text));
     assert_eq!(plan.estimators.ends(), PathEnds::Never, "{plan}");
+    assert!(!plan.estimators.any_beams(), "{plan}");
+}
+
+/// Nor is what fog scatters of it, in a scene a thousand times smaller than the dome.
+#[test]
+fn light_of_a_dome_in_fog_is_not_left_to_beams() {
+    let (_, plan) = chosen(&RandomScene::new(1605).load().unwrap());
+    assert!(!plan.estimators.any_beams(), "{plan}");
 }
 
 /// The beam of a laser in smoke is not left to paths that scatter inside it by chance, though the lamp that lights the

@@ -368,7 +368,7 @@ fn a_job_is_of_one_engine() {
     assert!(begun.elapsed() < LONG);
     // Status shows it.
     let status = succeed(path, &["status", &address]);
-    assert!(status.contains("\nengine    gpu 7\n"), "{status}");
+    assert!(status.contains("\nengine    gpu 8\n"), "{status}");
     assert!(
         line(&status, "          ")
             .ends_with("cannot serve this job: no Vulkan device was found: is a driver installed?"),
@@ -382,7 +382,7 @@ fn a_job_is_of_one_engine() {
     serve.signal("-INT");
     assert_eq!(serve.wait().code(), Some(4));
     let job = std::fs::read_to_string(path.join("b.job/job.json")).unwrap();
-    assert!(job.contains("\"engine\": \"gpu 7\""), "{job}");
+    assert!(job.contains("\"engine\": \"gpu 8\""), "{job}");
 }
 
 /// Before it looks for a coordinator.
@@ -503,12 +503,12 @@ fn passes_on_a_device_have_the_same_bits_again() {
     let first = render("a", &on_device);
     let pixels = line(&first, "pixels ");
     assert!(
-        first.contains("from 1 worker") && first.contains("rendered by the engine gpu 7"),
+        first.contains("from 1 worker") && first.contains("rendered by the engine gpu 8"),
         "{first}"
     );
-    assert_eq!(attribute(&path.join("a.exr"), "beamfarmEngine"), "gpu 7");
+    assert_eq!(attribute(&path.join("a.exr"), "beamfarmEngine"), "gpu 8");
     let report = std::fs::read_to_string(path.join("a.job/report.json")).unwrap();
-    assert!(report.contains("\"engine\": \"gpu 7\""), "{report}");
+    assert!(report.contains("\"engine\": \"gpu 8\""), "{report}");
     let replay = [&["replay", "scene.toml", "--pass", "0"], &on_device[..]].concat();
     let replay = output(with_compiled(path, &replay));
     assert!(replay.status.success(), "{}", text(&replay.stderr));
@@ -537,7 +537,7 @@ fn passes_on_a_device_have_the_same_bits_again() {
     let job = std::fs::read_to_string(path.join("d.job/job.json")).unwrap();
     assert_eq!(
         note.starts_with("note: engine gpu: "),
-        job.contains("\"engine\": \"gpu 7\""),
+        job.contains("\"engine\": \"gpu 8\""),
         "{note}"
     );
     // The processor's bits differ, and its passes are not added to these.
@@ -547,7 +547,7 @@ fn passes_on_a_device_have_the_same_bits_again() {
     for jobs in [["a.job", "b.job"], ["b.job", "a.job"]] {
         let (code, stderr) = fail(path, &[&["merge"], &jobs[..], &["-o", "c.exr"]].concat());
         assert_eq!(code, 2);
-        assert!(stderr.contains("engine ") && stderr.contains("gpu 7"), "{stderr}");
+        assert!(stderr.contains("engine ") && stderr.contains("gpu 8"), "{stderr}");
     }
     let args = ["render", "scene.toml", "--passes", "2", "--job", "b.job", "-o", "b.exr"];
     let (code, stderr) = fail(path, &[&args, &on_device[..]].concat());

@@ -271,3 +271,27 @@ fn what_cannot_be_denoised_is_named() {
     let error = input(2, &bad, &depth).unwrap_err().to_string();
     assert_eq!(error, "odd has a NaN or an infinity at x = 4, y = 1");
 }
+
+/// What a bright area has lost does not go to fireflies of dark pixels next to it.
+#[test]
+fn dark_pixels_near_a_lamp_stay_dark() {
+    let is_lit = |x: u32, _: u32| x < 60;
+    let is_dark = |x: u32, _: u32| x > 64;
+    let truth = film(|x, y| if is_lit(x, y) { 100.0 } else { 0.01 });
+    let mut noisy = Noisy::new(truth, film(|_, _| 0.5), |_| 0.0, 0, 11);
+    let mut rng = Pcg64Mcg::seed_from_u64(12);
+    for half in [&mut noisy.even, &mut noisy.odd] {
+        for (i, pixel) in half.pixels.iter_mut().enumerate() {
+            let factor = match is_lit(i as u32 % WIDTH, 0) {
+                true if rng.next_u64().is_multiple_of(8) => 8.0,
+                true => 0.0,
+                false if rng.next_u64().is_multiple_of(100) => 3000.0,
+                false => 0.7,
+            };
+            *pixel = pixel.map(|value| value * factor);
+        }
+    }
+    let (denoised, plain) = (noisy.denoised(), noisy.beauty());
+    let (after, before) = (mean(&denoised, is_dark), mean(&plain, is_dark));
+    assert!(after < 0.3 * before, "{after} of {before}");
+}

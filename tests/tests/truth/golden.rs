@@ -18,7 +18,7 @@ const LAMPS_HASH: &str = "8af16d14e5d1558e1d4e664ce3b671b7f5d4575b900560be0c0fbe
 
 /// The number of the current bits, and a hash of all hashes.
 const NUMBERED: (&str, &str) = (
-    "cpu 5",
+    "cpu 6",
     "c92cda1d97a0dbe6f8e4550f28bb7cbe57fd7b737ecdc2c2a7800cd62ae12eae",
 );
 

@@ -12,19 +12,22 @@ const HALVINGS: usize = 3;
 const WINDOW: usize = 2;
 
 /// The denoised average, with the light that both halves have lost. It goes to where noise is, in proportion to the
-/// standard deviation: what has none has lost nothing.
+/// standard deviation: what has none has lost nothing. But no more than in proportion to the radiance: next to a bright
+/// lamp, dark pixels whose noise is great would become bright.
 pub fn restored(before: &Pictures, denoised: &Pictures, variance: &Colours) -> Colours {
     each(|c| {
         let lost = |of: usize| wide(&Plane::of([&before[of][c], &denoised[of][c]], |[old, new]| old - new));
         let missing = Plane::of([&lost(0), &lost(1), &lost(2)], |[even, odd, all]| {
             all * agreement(even, odd)
         });
-        let deviation = Plane::of([&variance[c]], |[variance]| variance.max(0.0).sqrt());
-        let around = wide(&deviation);
+        let share = Plane::of([&denoised[2][c], &variance[c]], |[value, variance]| {
+            value.min(variance.max(0.0).sqrt()).max(0.0)
+        });
+        let around = wide(&share);
         Plane::of(
-            [&denoised[2][c], &missing, &deviation, &around],
-            |[value, missing, deviation, around]| match around > 0.0 {
-                true => value + missing * (deviation / around),
+            [&denoised[2][c], &missing, &share, &around],
+            |[value, missing, share, around]| match around > 0.0 {
+                true => value + missing * (share / around),
                 false => value,
             },
         )

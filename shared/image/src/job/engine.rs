@@ -17,8 +17,8 @@ pub enum EngineKind {
 
 /// Versions of the passes' bits. They grow whenever the bits change, independently of the program's version. Passes of
 /// different versions are never averaged.
-const CPU_BITS: u32 = 5;
-const GPU_BITS: u32 = 7;
+const CPU_BITS: u32 = 6;
+const GPU_BITS: u32 = 8;
 
 impl EngineKind {
     /// Tells engines apart between programs of the same version: the version of the GPU's bits, or 0 for the CPU.
@@ -38,7 +38,7 @@ impl EngineKind {
             .find(|engine| engine.gpu_bits() == bits)
     }
 
-    /// The engine's name with the version of its bits: `cpu 5`, `gpu 7`. Tells jobs apart.
+    /// The engine's name with the version of its bits: `cpu 6`, `gpu 8`. Tells jobs apart.
     #[must_use]
     pub fn identity(self) -> String {
         let bits = match self {

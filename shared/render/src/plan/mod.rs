@@ -139,6 +139,7 @@ impl RenderPlan {
         let may_aim = matches!(description.defaults.targeting, Targeting::On | Targeting::Reject);
         if has_rare_light && !may_aim && !photons_decide(scene) {
             techniques.surfaces = techniques.surfaces.or(Some(Technique::Paths));
+            techniques.media = techniques.media.or(Some(Technique::Paths));
         }
         let estimators = Estimators::new(scene, &radii, extent.radius, techniques);
         let mut aim = |estimators: &Estimators| aim(scene, &settings, estimators, extent.radius, places);
@@ -291,7 +292,7 @@ impl RenderPlan {
     /// Whether photons must bring light of which hardly any comes near the visible part. Aimed photons go only to what
     /// is seen directly, not to what that mirrors.
     pub(crate) fn waits_for_rare_light(&self) -> bool {
-        self.has_rare_light && self.estimators.ends() != PathEnds::Never
+        self.has_rare_light && (self.estimators.ends() != PathEnds::Never || self.estimators.any_beams())
     }
 
     /// Render these layers as well. The beauty stays the same to the last bit.

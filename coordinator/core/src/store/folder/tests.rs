@@ -117,7 +117,7 @@ fn another_job_is_refused_by_what_differs() {
         (|s| s.settings.seed = 3, "seed 18446744073709551615 there, 3 here"),
         (|s| s.settings.alpha = 0.6, "alpha 0.6666666666666666 there, 0.6 here"),
         (|s| s.settings.paths_per_pass = 7, "paths per pass 500 there, 7 here"),
-        (|s| s.settings.engine = EngineKind::Gpu, " there, gpu 7 here"),
+        (|s| s.settings.engine = EngineKind::Gpu, " there, gpu 8 here"),
         (|s| s.width = 6, "width 5 there, 6 here"),
         (
             |s| s.layers.truncate(1),

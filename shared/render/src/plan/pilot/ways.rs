@@ -37,8 +37,12 @@ pub(super) fn plans_of(
         let plan = plan_of(scene, settings, techniques, places);
         let said = settings.techniques;
         let tries = |is: Option<Technique>, said: Option<Technique>| is == Some(Technique::Photons) && said.is_none();
-        let is_tried = tries(techniques.surfaces, said.surfaces) || tries(techniques.caustics, said.caustics);
-        if is_tried && plan.waits_for_rare_light() {
+        let is_tried = [
+            (techniques.media, said.media),
+            (techniques.surfaces, said.surfaces),
+            (techniques.caustics, said.caustics),
+        ];
+        if is_tried.into_iter().any(|(is, said)| tries(is, said)) && plan.waits_for_rare_light() {
             continue;
         }
         if !plans

@@ -7,6 +7,8 @@
 
 A picture's passes are kept in target/gallery/NAME.job, so hours of rendering may be cut into pieces: the same command goes
 on where the last one ended. Each picture becomes scenes/gallery/NAME.webp, of at most 250 kB. Needs Pillow.
+
+    python3 docs/gallery.py pair                    # docs/introduction.md's: a path tracer and beamfarm after equal time
 """
 
 import argparse
@@ -32,6 +34,10 @@ PICTURES = {
     "street": (200, 1280),
 }
 
+# Of what the path tracer and beamfarm get the same time for, on a machine that should have nothing else to do.
+PAIR = ["scenes/disco.toml", "--time", "60s", "--width", "1280"]
+FIGURES = ROOT / "docs/figures"
+
 
 def render(name, time):
     """The picture of all passes that there are; renders more of them first."""
@@ -42,6 +48,16 @@ def render(name, time):
     command += ["--job", job, "-o", output] + (["--time", time] if time else [])
     subprocess.run([str(part) for part in command], cwd=ROOT, check=True)
     return output.with_suffix(".png")
+
+
+def pair():
+    """One scene after the same time, by the path tracer and by photon beams."""
+    JOBS.mkdir(parents=True, exist_ok=True)
+    # More passes than the time allows.
+    for name, command in {"paths": ["reference"], "photons": ["render", "--passes", "100000"]}.items():
+        output = JOBS / f"pair-{name}.exr"
+        subprocess.run([str(part) for part in [BEAMFARM, *command, *PAIR, "-o", output]], cwd=ROOT, check=True)
+        compress(output.with_suffix(".png"), FIGURES / f"pair-{name}.webp")
 
 
 def compress(png, webp):
@@ -56,12 +72,15 @@ def compress(png, webp):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"which: {', '.join(PICTURES)} (default: all)")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"which: {', '.join(PICTURES)} (default: all), pair")
     parser.add_argument("--time", help="how long for each at most, such as 10m (default: until its passes are complete)")
     arguments = parser.parse_args()
     for name in arguments.names or PICTURES:
+        if name == "pair":
+            pair()
+            continue
         if name not in PICTURES:
-            parser.error(f"{name}: expected one of {', '.join(PICTURES)}")
+            parser.error(f"{name}: expected one of {', '.join(PICTURES)}, or pair")
         compress(render(name, arguments.time), GALLERY / f"{name}.webp")
 
 

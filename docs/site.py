@@ -68,7 +68,29 @@ mathjax-support = true
 
 # Formulas in a line stand between dollars, as on GitHub.
 HEAD = """\
+<style>
+.pair { position: relative; margin: 1.5em 0; }
+.pair img { display: block; width: 100%; }
+.pair .before { position: absolute; top: 0; left: 0; clip-path: inset(0 50% 0 0); }
+.pair input { width: 100%; margin: 0.5em 0 0; }
+.pair figcaption { display: flex; justify-content: space-between; }
+</style>
 <script>window.MathJax = { tex2jax: { inlineMath: [["$", "$"]], processEscapes: true } };</script>
+"""
+
+# A table of two pictures side by side: on the site, a slider uncovers one of them.
+PAIR = re.compile(
+    r"^\| (?P<before>[^|\n]+) \| (?P<after>[^|\n]+) \|\n\|[-:| ]+\|\n"
+    r"\| !\[(?P<alt>[^]]*)\]\((?P<left>[^)]+)\) \| !\[(?P<alt2>[^]]*)\]\((?P<right>[^)]+)\) \|$",
+    re.M,
+)
+SLIDER = r"""<figure class="pair">
+<img src="\g<right>" alt="\g<alt2>">
+<img class="before" src="\g<left>" alt="\g<alt>">
+<input type="range" value="50" aria-label="how much of the left picture"
+ oninput="this.previousElementSibling.style.clipPath = 'inset(0 ' + (100 - this.value) + '% 0 0)'">
+<figcaption><span>\g<before></span><span>\g<after></span></figcaption>
+</figure>
 """
 
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
@@ -166,7 +188,7 @@ def write(repository):
         (source / page).parent.mkdir(parents=True, exist_ok=True)
         text = document.read_text(encoding="utf-8")
         text = re.sub(r"^```math\n(.*?)^```$", r"$$\n\1$$", text, flags=re.M | re.S)
-        (source / page).write_text(LINK.sub(link, text), encoding="utf-8")
+        (source / page).write_text(PAIR.sub(SLIDER, LINK.sub(link, text)), encoding="utf-8")
     subprocess.run(["mdbook", "build", str(SITE)], check=True)
     print(f"{(SITE / 'html/index.html').relative_to(ROOT)}")
 

@@ -32,7 +32,7 @@ Exit codes:
   2  wrong usage, or a scene, image or job folder that cannot be used, or what the
      program was built without
   3  the coordinator cannot be reached; worth another try
-  4  stopped before the first pass was complete: nothing was written
+  4  stopped before the first pass was complete: at most a coarse picture was written
   5  the job failed (a pass cannot be rendered, workers keep dying, two machines
      disagree about a pass); the passes before it were written, if any
   6  worker: refused by the coordinator (another version, a machine that computes

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""The documents as a site: python3 docs/site.py writes target/site/html, by mdBook (cargo install mdbook).
+"""The documents as a site: python3 docs/site.py writes target/site/html, by mdBook
+(cargo install mdbook --version "^0.4").
 
     python3 docs/site.py --check                    # only whether every link leads somewhere: what CI runs
     python3 docs/site.py                            # that, and the site
@@ -205,7 +206,7 @@ def main():
         sys.exit(1)
     if not arguments.check:
         if not shutil.which("mdbook"):
-            sys.exit("mdbook is not there: cargo install mdbook")
+            sys.exit('mdbook is not there: cargo install mdbook --version "^0.4"')
         write(arguments.repository)
 
 

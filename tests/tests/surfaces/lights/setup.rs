@@ -98,13 +98,8 @@ pub fn tetrahedron(center: Vec3, size: f32) -> Shape {
 
 pub fn emitter(shape: Shape) -> (Vec<Object>, Light) {
     let object = Object {
-        name: String::new(),
-        shape,
-        material: 0,
-        boundary: None,
         light: Some(0),
-        priority: None,
-        space: None,
+        ..Object::new(shape)
     };
     let kind = LightKind::Area {
         object: 0,

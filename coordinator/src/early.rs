@@ -2,8 +2,8 @@
 
 use crate::failure::Failure;
 use crate::job::JobArgs;
+use crate::loaded::{Early, Loaded};
 use crate::output::{Output, check};
-use crate::settings::{Early, Loaded};
 use beamfarm_scene::SceneFile;
 use beamfarm_worker::say;
 use std::path::Path;

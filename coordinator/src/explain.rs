@@ -1,8 +1,9 @@
 //! `beamfarm explain`: the plan of a scene.
 
 use crate::failure::Failure;
+use crate::loaded::Loaded;
 use crate::output::print_text;
-use crate::settings::{DeviceArgs, Loaded, SettingsArgs};
+use crate::settings::{DeviceArgs, SettingsArgs};
 use beamfarm_image::job::{EngineKind, JobSettings, Techniques};
 use beamfarm_image::layer::Layer;
 use beamfarm_render::plan::RenderPlan;

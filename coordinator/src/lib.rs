@@ -9,8 +9,8 @@
 //!                          workers on other machines               (`serve`)
 //! ```
 //!
-//! **Data.** `settings` reads the scene with the options and lets a pilot choose what neither sets. `job` turns the
-//! result into a job for the coordinator, and `directory` finds what an earlier run left of it. `conduct` serves the
+//! **Data.** `settings` holds the options; `loaded` reads their scene and lets a pilot choose what neither sets. `job`
+//! turns that into a job for the coordinator, and `directory` finds what an earlier run left of it. `conduct` serves the
 //! job until it ends, shows its progress, and writes the image. `frames` does so for the frames of an animation.
 //!
 //! **Entrance.** [`command`] parses the arguments, runs a subcommand and returns its exit code. Programs without a
@@ -42,6 +42,7 @@ mod image;
 mod import;
 mod job;
 mod live;
+mod loaded;
 mod local;
 mod measure;
 mod merge;

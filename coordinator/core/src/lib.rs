@@ -26,8 +26,10 @@
 mod arriving;
 mod chunks;
 mod control;
+pub mod downloads;
 mod examine;
 pub mod farm;
+mod greeting;
 pub mod html;
 mod intake;
 mod keys;

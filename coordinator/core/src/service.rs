@@ -3,6 +3,7 @@
 use crate::chunks::{FileStream, in_chunks};
 use crate::examine::{Claim, Flaw};
 use crate::farm::{Farm, Refusal, Unwelcome};
+use crate::greeting::{fingerprint, same_program, shortened};
 use crate::intake::Delivery;
 use crate::keys::{Keys, Seat, Seats, unknown};
 use crate::ledger::{Accepted, LedgerError, Sentence, Who};
@@ -14,7 +15,7 @@ use beamfarm_image::exr::encoded_size;
 use beamfarm_image::job::{Block, SceneHash};
 use beamfarm_proto::wire::farm_server::Farm as FarmService;
 use beamfarm_proto::wire::submit_request::Part;
-use beamfarm_proto::{FileHash, Identity, Lack, LeaseId, Offer, PROTOCOL, VERSION, WireHash, wire};
+use beamfarm_proto::{FileHash, Lack, LeaseId, Offer, PROTOCOL, WireHash, wire};
 use std::sync::Arc;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::time::{sleep, timeout};
@@ -90,11 +91,10 @@ impl Service {
         request: &wire::RegisterRequest,
     ) -> Result<Option<Seats>, Status> {
         let name = shortened(&request.name, NAME_BYTES);
-        let identity = Identity::from_bytes(&request.identity)
-            .ok_or_else(|| Status::invalid_argument("identity: expected 32 bytes"))?;
+        let own = fingerprint(&request.identity)?;
         let who = Who {
             name: name.to_owned(),
-            key: Some(identity.fingerprint()),
+            key: Some(own),
         };
         let farm = place.farm();
         let offer = offer_for(farm, name, request)?;
@@ -117,7 +117,7 @@ impl Service {
             worker,
         };
         let mut seats = Seats {
-            own: identity.fingerprint(),
+            own,
             now,
             before: Vec::new(),
         };
@@ -231,22 +231,6 @@ async fn read_body(
             bytes.len()
         ))),
     }
-}
-
-/// Why a worker's program does not match this one.
-pub(crate) fn same_program(version: &str, protocol: u32) -> Result<(), String> {
-    if version == VERSION && protocol == PROTOCOL {
-        return Ok(());
-    }
-    let version = shortened(version, NAME_BYTES);
-    Err(format!(
-        "version {version} with protocol {protocol}; this coordinator is version {VERSION} with protocol {PROTOCOL}: install \
-         that on the worker's machine"
-    ))
-}
-
-fn shortened(text: &str, bytes: usize) -> &str {
-    &text[..text.floor_char_boundary(bytes)]
 }
 
 #[tonic::async_trait]

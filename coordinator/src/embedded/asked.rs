@@ -3,7 +3,8 @@
 use super::wait::{State, wait_for};
 use super::{Failure, memory, wait};
 use crate::aov::Aov;
-use crate::settings::{Budgeted, Choosing, Loaded, SceneArgs, SettingsArgs};
+use crate::loaded::{Choosing, Loaded};
+use crate::settings::{Budgeted, SceneArgs, SettingsArgs};
 use beamfarm_image::job::EngineChoice;
 use beamfarm_scene::{SceneFile, SceneText};
 use beamfarm_worker::engine::Where;

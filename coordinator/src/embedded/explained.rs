@@ -3,7 +3,7 @@
 use super::wait::State;
 use super::{Asked, Failure, Notes};
 use crate::explain;
-use crate::settings::Choosing;
+use crate::loaded::Choosing;
 use beamfarm_image::job::JobSettings;
 use beamfarm_scene::{Extent, SceneFile};
 use beamfarm_worker::engine::Where;

@@ -2,7 +2,7 @@
 
 use super::wait::{State, pool, wait_for};
 use super::{Asked, Failure, Notes};
-use crate::settings::Choosing;
+use crate::loaded::Choosing;
 use beamfarm_image::exr::{ImageMeta, Maker};
 use beamfarm_image::job::Targeting;
 use beamfarm_image::merge::Node;

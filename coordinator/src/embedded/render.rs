@@ -4,9 +4,9 @@
 use super::wait::{State, TICK};
 use super::{Asked, Failure, Image, Notes};
 use crate::conduct::broken_crew;
+use crate::loaded::Choosing;
 use crate::local::{self, Crew, Shape};
 use crate::progress::ErrorEstimate;
-use crate::settings::Choosing;
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{End, Entrance, Farm, Start, Target, Terms, Timing, Watch, server};
 use beamfarm_image::exr::{ImageMeta, Maker};

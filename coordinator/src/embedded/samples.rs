@@ -2,8 +2,8 @@
 
 use super::wait::{State, pool, wait_for};
 use super::{Asked, Failure, Image, Notes};
+use crate::loaded::Choosing;
 use crate::measure::reference::{SAMPLES, refuse_photon_rules, samples};
-use crate::settings::Choosing;
 use beamfarm_image::exr::{ImageMeta, Maker, Names};
 use beamfarm_image::job::{MAX_PASSES, ReferenceSettings};
 use beamfarm_proto::VERSION;

@@ -1,23 +1,25 @@
 //! The scene being edited: its text, its history, and what follows from it.
 
-use super::messages::{Camera, FromPage, ToPage};
+mod looks;
+mod told;
+
+use super::messages::FromPage;
 use crate::failure::Failure;
 use crate::settings::SceneArgs;
 use beamfarm_coordinator::revisions::Style;
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::job::{EngineKind, JobSettings, Techniques};
-use beamfarm_image::view::{View, ViewTransform};
+use beamfarm_image::view::View;
 use beamfarm_image::{bundle, input};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileEntry, FileHash, Manifest, Revision, RevisionNumber};
-use beamfarm_render::world::camera::Projection;
-use beamfarm_render::world::{RenderDefaults, Scene, SceneDescription, Seen};
-use beamfarm_scene::desk::{self, CameraMove, Thing};
+use beamfarm_render::world::{Scene, SceneDescription, Seen};
+use beamfarm_scene::desk::{self, CameraMove};
 use beamfarm_scene::{
     Edits, File, Files, ImportOptions, Reach, SceneError, SceneFile, Store, Written, is_gltf, is_mitsuba,
 };
 use beamfarm_worker::complain;
-use glam::DVec3;
+use looks::Looks;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -29,12 +31,6 @@ const UNDO_BYTES: usize = 64 << 20;
 
 /// The camera may be this many scene radii away from the origin of render space.
 const FAR: f32 = 0.5;
-/// Where handles of lights without a position are drawn, to be turned there: the distance from the camera as a fraction
-/// of its target's, and the height above the target as a fraction of half the picture's width there.
-const SKY: [f64; 2] = [1.0, 0.22];
-/// Pages treat parallel rays as starting this far behind the camera, as a multiple of the radius of scene and image.
-const FAR_BEHIND: f64 = 1e5;
-
 /// Why a change is refused.
 #[derive(Debug)]
 pub struct Refusal {
@@ -89,42 +85,6 @@ struct Before {
     text: String,
     /// The gesture that changed the text.
     gesture: Option<String>,
-}
-
-/// Settings that no pixel depends on and that are not part of the scene's meaning.
-#[derive(Clone, Copy)]
-struct Looks {
-    view: View,
-    passes: u64,
-}
-
-impl Looks {
-    fn of(files: &Files) -> Self {
-        let table = files.files.get(&files.scene).and_then(|file| {
-            let text = std::str::from_utf8(file.bytes()).ok()?;
-            toml::from_str::<toml::Table>(text).ok()
-        });
-        let render = table.as_ref().and_then(|table| table.get("render"));
-        let field = |name: &str| render.and_then(|render| render.get(name));
-        let number = |name: &str| match field(name) {
-            Some(toml::Value::Float(number)) => Some(*number as f32),
-            Some(toml::Value::Integer(number)) => Some(*number as f32),
-            _ => None,
-        };
-        let transform = field("view").and_then(|name| ViewTransform::named(name.as_str()?));
-        let passes = field("passes").and_then(toml::Value::as_integer);
-        let defaults = RenderDefaults::default();
-        Self {
-            view: View {
-                transform: transform.unwrap_or(defaults.view.transform),
-                exposure: number("exposure").unwrap_or(defaults.view.exposure),
-                white_balance: number("white_balance").unwrap_or(defaults.view.white_balance),
-            },
-            passes: passes
-                .and_then(|passes| u64::try_from(passes).ok())
-                .unwrap_or(defaults.passes),
-        }
-    }
 }
 
 /// The scene being edited.
@@ -391,109 +351,11 @@ impl Bench {
         self.number.0 += 1;
     }
 
-    /// The scene for the page.
-    pub fn scene(&self, seq: u64) -> ToPage {
-        let title = self.args.scene.file_stem().unwrap_or_default();
-        let name = self.file.file_name().unwrap_or_default();
-        ToPage::Scene {
-            revision: self.number.0,
-            seq,
-            title: title.to_string_lossy().into_owned(),
-            file: name.to_string_lossy().into_owned(),
-            dirty: self.is_dirty(),
-            undo: !self.undo.is_empty(),
-            redo: !self.redo.is_empty(),
-            camera: self.camera(),
-            things: self.things(),
-            fields: desk::fields(&self.text),
-        }
-    }
-
     /// What is visible at a point of the picture.
     pub fn seen_at(&mut self, x: f64, y: f64) -> Option<Seen> {
         let description = &self.description;
         let scene = self.scene.get_or_insert_with(|| Scene::new(description.clone()));
         scene.seen_at(x as f32, y as f32)
-    }
-
-    /// The answer to a click.
-    pub fn picked(&mut self, x: f64, y: f64) -> ToPage {
-        let seen = self.seen_at(x, y);
-        let object = seen.map(|seen| seen.object as usize);
-        let ids = desk::object_ids(&self.text);
-        let objects = &self.description.objects;
-        let world = |point: [f32; 3]| std::array::from_fn(|i| f64::from(point[i]) + self.origin[i]);
-        ToPage::Picked {
-            thing: object.and_then(|object| ids.get(object).cloned()),
-            name: object.and_then(|object| Some(objects.get(object)?.name.clone())),
-            point: seen.map(|seen| world(seen.point)),
-            distance: seen.map(|seen| f64::from(seen.depth)),
-            material: object.and_then(|object| desk::material_of(&self.text, object)),
-        }
-    }
-
-    fn camera(&self) -> Camera {
-        let camera = &self.description.camera;
-        let eye = desk::eye(&self.meant).ok();
-        let forward = camera.frame.n;
-        let origin: [f64; 3] = std::array::from_fn(|i| f64::from(camera.position[i]) + self.origin[i]);
-        let target = std::array::from_fn(|i| origin[i] + f64::from(forward[i]));
-        // The page assumes that rays meet in one point; parallel ones meet very far behind.
-        let back = match camera.projection {
-            Projection::Perspective | Projection::Panoramic(_) => 0.0,
-            Projection::Orthographic => FAR_BEHIND * f64::from(self.description.bounds.radius + camera.half_width),
-        };
-        let on_plane = |size: f32| match camera.projection {
-            Projection::Perspective | Projection::Panoramic(_) => f64::from(size),
-            Projection::Orthographic => f64::from(size) / back,
-        };
-        let fov = eye.and_then(|eye| eye.fov);
-        let fixed = match (eye, camera.projection) {
-            (None, _) => Some("the scene's camera cannot be found"),
-            (_, Projection::Orthographic) => Some("an orthographic camera is moved in the scene's text"),
-            (_, Projection::Panoramic(_)) => Some("a panoramic camera is moved in the scene's text"),
-            _ => None,
-        };
-        let sense = camera.frame.s.cross(camera.frame.t).dot(camera.frame.n);
-        Camera {
-            origin: std::array::from_fn(|i| eye.map_or(origin, |eye| eye.origin)[i] - back * f64::from(forward[i])),
-            target: eye.map_or(target, |eye| eye.target),
-            up: eye.map_or([0.0, 1.0, 0.0], |eye| eye.up),
-            fov: fov.map_or(40.0, |(fov, _)| fov),
-            fov_axis: fov.map_or("x", |(_, axis)| axis),
-            tan_x: on_plane(camera.half_width),
-            width: camera.width,
-            height: camera.height,
-            shift: [on_plane(camera.shift.x), on_plane(camera.shift.y)],
-            // Left-handed, unless the image is mirrored.
-            flip_x: sense > 0.0,
-            aperture: f64::from(camera.aperture),
-            focus_distance: f64::from(camera.focus_distance),
-            fixed: fixed.map(str::to_owned),
-        }
-    }
-
-    /// Everything that has handles. Light from infinitely far away gets a handle in the picture, to be turned there.
-    fn things(&self) -> Vec<Thing> {
-        let mut things = desk::things(&self.text, &self.description, self.origin);
-        let Ok(eye) = desk::eye(&self.meant) else {
-            return things;
-        };
-        let [origin, target] = [eye.origin, eye.target].map(DVec3::from);
-        let up = self.description.camera.frame.t.as_dvec3();
-        let distance = (target - origin).length();
-        let half_width = f64::from(self.description.camera.half_width);
-        let half_width = match self.description.camera.projection {
-            // The page cannot locate points in panoramic pictures.
-            Projection::Panoramic(_) => return Vec::new(),
-            Projection::Perspective => distance * half_width,
-            Projection::Orthographic => half_width,
-        };
-        let place = origin + (target - origin) * SKY[0] + up * (half_width * SKY[1]);
-        for thing in things.iter_mut().filter(|thing| thing.kind == "directional") {
-            thing.at = Some(place.to_array());
-        }
-        things
     }
 
     fn folder(&self) -> &Path {

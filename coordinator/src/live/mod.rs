@@ -14,10 +14,11 @@ mod view;
 
 use crate::address;
 use crate::failure::Failure;
+use crate::loaded::suits_device;
 use crate::local::{self, Crew, Shape};
 use crate::open_page::{open_page, tell_page, tell_whole_page};
 use crate::security::ListenArgs;
-use crate::settings::{DeviceArgs, SceneArgs, suits_device};
+use crate::settings::{DeviceArgs, SceneArgs};
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, server};
 use beamfarm_image::job::EngineKind;

@@ -4,10 +4,10 @@ use super::socket;
 use super::view::LiveView;
 use axum::Router;
 use axum::extract::State;
-use axum::http::StatusCode;
-use axum::http::header::{CONTENT_DISPOSITION, CONTENT_TYPE};
+use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use beamfarm_coordinator::downloads;
 use beamfarm_coordinator::revisions::{Content, Picture};
 use beamfarm_coordinator::security::LOOK;
 use beamfarm_image::bundle::Bundle;
@@ -65,33 +65,10 @@ async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
     ([(CONTENT_TYPE, kind)], text)
 }
 
-fn none() -> Response {
-    (StatusCode::NOT_FOUND, "no pass is complete yet\n").into_response()
-}
-
-fn wrong(error: impl ToString) -> Response {
-    (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response()
-}
-
 /// A download named after the scene.
-fn to_keep(view: &LiveView, kind: &'static str, ending: &str, bytes: Vec<u8>) -> Response {
+fn named(view: &LiveView, kind: &'static str, ending: &str, bytes: Vec<u8>) -> Response {
     let stem = view.args.scene.file_stem().unwrap_or_default().to_string_lossy();
-    let name: String = stem
-        .chars()
-        .map(|c| {
-            if c.is_ascii_alphanumeric() || "-_".contains(c) {
-                c
-            } else {
-                '_'
-            }
-        })
-        .collect();
-    let attachment = format!("attachment; filename=\"{name}.{ending}\"");
-    (
-        [(CONTENT_TYPE, kind.to_owned()), (CONTENT_DISPOSITION, attachment)],
-        bytes,
-    )
-        .into_response()
+    downloads::to_keep(kind, &format!("{}.{ending}", downloads::plain_name(&stem)), bytes)
 }
 
 fn picture(view: &LiveView) -> Option<Arc<Picture>> {
@@ -111,7 +88,7 @@ async fn exr(State(view): State<Arc<LiveView>>) -> Response {
         Content::Sketch(_) => None,
     });
     let (Some(average), Some(job)) = (average, job) else {
-        return none();
+        return downloads::none_yet();
     };
     let rest = view.rest().borrow().clone();
     let encoded = tokio::task::spawn_blocking(move || {
@@ -135,23 +112,23 @@ async fn exr(State(view): State<Arc<LiveView>>) -> Response {
         encode_image(&average, &meta)
     });
     match encoded.await {
-        Ok(Ok(bytes)) => to_keep(&view, "image/x-exr", "exr", bytes),
-        Ok(Err(error)) => wrong(error),
-        Err(error) => wrong(error),
+        Ok(Ok(bytes)) => named(&view, "image/x-exr", "exr", bytes),
+        Ok(Err(error)) => downloads::failed(error),
+        Err(error) => downloads::failed(error),
     }
 }
 
 /// The displayed picture.
 async fn png(State(view): State<Arc<LiveView>>) -> Response {
     let Some(picture) = picture(&view) else {
-        return none();
+        return downloads::none_yet();
     };
     let shown = view.bench().view();
     let encoded = tokio::task::spawn_blocking(move || encode_png(picture.content.film(), shown));
     match encoded.await {
-        Ok(Ok(bytes)) => to_keep(&view, "image/png", "png", bytes),
-        Ok(Err(error)) => wrong(error),
-        Err(error) => wrong(error),
+        Ok(Ok(bytes)) => named(&view, "image/png", "png", bytes),
+        Ok(Err(error)) => downloads::failed(error),
+        Err(error) => downloads::failed(error),
     }
 }
 

@@ -3,7 +3,8 @@
 use super::bench::{Bench, Changed, Refusal};
 use super::jobs::Jobs;
 use super::messages::{FromPage, ToPage};
-use crate::settings::{Choosing, SceneArgs};
+use crate::loaded::Choosing;
+use crate::settings::SceneArgs;
 use beamfarm_coordinator::revisions::{Job, Revisions};
 use beamfarm_image::job::{EngineKind, Targeting};
 use beamfarm_proto::RevisionNumber;

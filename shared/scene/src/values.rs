@@ -233,6 +233,11 @@ impl<R> Color<R> {
     pub fn rgb(&self) -> Rgb {
         Rgb::from_array(self.0.map(|x| x as f32))
     }
+
+    /// The same of each channel over a size: of power over an area, or over a solid angle.
+    pub fn over(&self, size: f64) -> Rgb {
+        Rgb::from_array(self.0.map(|x| (x / size) as f32))
+    }
 }
 
 impl<'de, R: Range> Deserialize<'de> for Color<R> {

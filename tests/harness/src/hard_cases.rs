@@ -3,10 +3,9 @@
 
 use crate::MeanEstimate;
 use crate::path_tracer::Grid;
-use crate::render::scene_with;
+use crate::render::{plan_of, scene_with};
 use beamfarm_image::job::PassStats;
 use beamfarm_render::cpu::pass::render_pass;
-use beamfarm_render::plan::RenderPlan;
 use glam::{DAffine3, DVec3};
 
 /// A scene and its expected picture.
@@ -47,7 +46,7 @@ impl Case {
     pub fn render(&self) -> Outcome {
         let assets: Vec<(&str, &[u8])> = self.assets.iter().map(|(n, b)| (*n, &b[..])).collect();
         let scene = scene_with(&self.toml, &assets);
-        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        let plan = plan_of(&scene);
         let mut outcome = Outcome {
             ratio: [MeanEstimate::new(); 3],
             stats: PassStats::default(),

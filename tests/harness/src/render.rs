@@ -3,7 +3,7 @@
 use crate::MeanEstimate;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{JobSettings, ReferenceSettings, Techniques};
+use beamfarm_image::job::{JobSettings, ReferenceSettings, Technique, Techniques};
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::cpu::reference::render_sample;
@@ -57,6 +57,20 @@ pub fn images(all: u64) -> u64 {
 /// Factor on the standard error of a mean of [`images`], at most.
 pub fn blur() -> f64 {
     if is_long() { 1.0 } else { 3.0 }
+}
+
+/// The plan of the scene's own job.
+pub fn plan_of(scene: &Scene) -> RenderPlan {
+    RenderPlan::new(scene, scene.description().defaults.job_settings())
+}
+
+/// What `work` gives on this many threads.
+///
+/// # Panics
+/// If there can be no threads.
+pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.expect("a pool of threads").install(work)
 }
 
 /// Renders the scene's own number of passes.
@@ -147,8 +161,7 @@ impl Blocks {
 
 /// Means over blocks of `side` x `side` pixels of the scene's passes, as many as [`images`].
 pub fn blocks(scene: &Scene, side: usize) -> Blocks {
-    let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
-    blocks_of(scene, &plan, side)
+    blocks_of(scene, &plan_of(scene), side)
 }
 
 /// The same with these techniques and other random numbers.
@@ -161,11 +174,33 @@ pub fn blocks_by(scene: &Scene, techniques: Techniques, seed: u64, side: usize) 
     blocks_of(scene, &RenderPlan::new(scene, settings), side)
 }
 
+/// The same by photons on surfaces, and by camera paths; photons bring the caustics of both.
+pub fn blocks_each_way(scene: &Scene, side: usize) -> [(Technique, Blocks); 2] {
+    [(1, Technique::Photons), (2, Technique::Paths)].map(|(seed, way)| {
+        let techniques = Techniques {
+            media: None,
+            surfaces: Some(way),
+            caustics: Some(Technique::Photons),
+            aimed: None,
+        };
+        (way, blocks_by(scene, techniques, seed, side))
+    })
+}
+
 /// The same for a plan.
 pub fn blocks_of(scene: &Scene, plan: &RenderPlan, side: usize) -> Blocks {
     let passes = 0..images(scene.description().defaults.passes);
     let films = passes.map(|pass_index| render_pass(scene, plan, pass_index).expect("a pass").film);
     Blocks::new(films, side)
+}
+
+/// Means over blocks of what the path tracer shows: of [`reference_images`] with paths of any length.
+pub fn truth(scene: &Scene, all: u64, samples: u64, side: usize) -> Blocks {
+    let settings = ReferenceSettings {
+        seed: 5,
+        max_depth: None,
+    };
+    Blocks::new(reference_images(scene, settings, all, samples), side)
 }
 
 /// Independent images of the reference integrator, each the mean of this many samples: [`images`] of `all`.

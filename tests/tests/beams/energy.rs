@@ -1,10 +1,9 @@
 //! Energy balance of photon tracing: what walls and media absorb is what the light emits.
 
-use beamfarm_harness::render::scene;
+use beamfarm_harness::render::{plan_of, scene};
 use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::cpu::beam::trace::trace_photons;
 use beamfarm_render::math::Rgb;
-use beamfarm_render::plan::RenderPlan;
 
 /// A lamp behind glass in a closed box of fog. Kernels are so narrow that none reaches over an edge, where powers are
 /// larger. Because of the glass every photon that reaches a wall is stored (light straight from its source is not).
@@ -50,7 +49,7 @@ power = [10.0, 20.0, 30.0]
 #[test]
 fn what_is_emitted_is_absorbed() {
     let scene = scene(BOX);
-    let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+    let plan = plan_of(&scene);
     let medium = &scene.description().media[0];
     let sigma_t = medium.sigma_t();
     let absorbed_by_walls = Rgb::ONE - Rgb::new(0.8, 0.5, 0.2);

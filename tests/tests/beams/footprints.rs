@@ -1,9 +1,8 @@
 //! Beams behind refracting surfaces are as wide as lens formulas predict.
 
-use beamfarm_harness::render::scene;
+use beamfarm_harness::render::{plan_of, scene};
 use beamfarm_render::cpu::beam::PhotonBeam;
 use beamfarm_render::cpu::beam::trace::trace_photons;
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::kernel::KernelRadii;
 
 /// Refractive index of the glass.
@@ -45,7 +44,7 @@ cutoff_angle = 1.0
 "#
     );
     let scene = scene(&toml);
-    let mut plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+    let mut plan = plan_of(&scene);
     plan.radii = KernelRadii {
         floor: 0.0,
         ceiling: f32::INFINITY,

@@ -1,6 +1,6 @@
 //! Photons and beams that the camera hardly sees or cannot see.
 
-use beamfarm_harness::render::scene;
+use beamfarm_harness::render::{plan_of, scene};
 use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_image::job::JobSettings;
 use beamfarm_render::cpu::beam::PhotonBeam;
@@ -58,10 +58,6 @@ position = [-0.4, 0.2, 0.0]
 power = [10.0, 20.0, 30.0]
 "#
     ))
-}
-
-fn plan_of(scene: &Scene) -> RenderPlan {
-    RenderPlan::new(scene, scene.description().defaults.job_settings())
 }
 
 const GLASS: &str = "[[shapes]]\ntype = \"sphere\"\nmaterial = \"glass\"\nradius = 0.2\n";

@@ -5,6 +5,7 @@ use crate::farm::harness::{
     start_worker_with_lanes,
 };
 use beamfarm_coordinator::{End, JobSpec, Progress, Timing, WorkerState, WorkerView};
+use beamfarm_harness::render::with_threads;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::Block;
@@ -28,8 +29,7 @@ fn reference() -> (Average, Vec<String>) {
         scene: "scene.toml".into(),
         files: [("scene.toml".into(), SCENE.into())].into(),
     };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    pool.unwrap().install(|| {
+    with_threads(1, || {
         let scene = Scene::new(beamfarm_scene::load(&bundle).unwrap());
         let plan = RenderPlan::new(&scene, settings());
         let camera = scene.description().camera;

@@ -1,9 +1,9 @@
 //! Media that emit: against integrals, in furnaces, and with every technique against the path tracer.
 
 use beamfarm_harness::furnace::{closed_box, is_one};
-use beamfarm_harness::render::{Blocks, average, blocks_of, blur, images, is_long, reference_images, scene};
+use beamfarm_harness::render::{Blocks, average, blocks_of, blur, images, is_long, scene, truth};
 use beamfarm_harness::{MeanEstimate, Suite};
-use beamfarm_image::job::{JobSettings, ReferenceSettings, Technique, Techniques};
+use beamfarm_image::job::{JobSettings, Technique, Techniques};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::world::Scene;
@@ -354,11 +354,7 @@ fn every_technique_finds_the_light_of_a_flame() {
         let text = ROOM.replace("BALL", &format!("material = \"{ball}\""));
         let text = text.replace("paths = 3000", &format!("paths = 1500\npasses = {passes}"));
         let scene = scene(&format!("{text}{medium}{world}"));
-        let settings = ReferenceSettings {
-            seed: 5,
-            max_depth: None,
-        };
-        let reference = Blocks::new(reference_images(&scene, settings, passes, samples), 8);
+        let reference = truth(&scene, passes, samples, 8);
         for techniques in all.into_iter().take(count) {
             let found = by(&scene, techniques);
             let name = format!("{name}, {techniques:?}");

@@ -2,10 +2,9 @@
 
 use super::{VIEW, different, same_bits, same_means};
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{blocks, scene};
+use beamfarm_harness::render::{blocks, plan_of, scene};
 use beamfarm_harness::z_test::two_sided;
 use beamfarm_render::cpu::pass::render_pass;
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::aov::light_layers;
 
 /// A floor, some satin on it, and a ball that shows only by its shadows.
@@ -145,7 +144,7 @@ radiance = 0.05
             .replace("caustics = \"photons\"", caustics)
             .replace("passes = 4", "passes = 64");
         let with = scene(&format!("{view}{room}{lamp}"));
-        let plan = RenderPlan::new(&with, with.description().defaults.job_settings());
+        let plan = plan_of(&with);
         let mut layers = light_layers(with.description());
         layers.retain(|layer| layer.to_string().contains("lamp"));
         let plan = plan.with_layers(&with, &layers).unwrap();

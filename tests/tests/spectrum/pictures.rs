@@ -3,7 +3,7 @@
 use beamfarm_harness::Suite;
 use beamfarm_harness::differential::{Effort, examine};
 use beamfarm_harness::furnace::{GLASS_BALL, closed_box, is_one, under_the_sky};
-use beamfarm_harness::render::{Blocks, is_long, reference_images, scene};
+use beamfarm_harness::render::{Blocks, is_long, reference_images, scene, with_threads};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::ReferenceSettings;
@@ -182,8 +182,7 @@ fn parts_sum_to_the_picture() {
 fn bits_do_not_depend_on_threads() {
     let (scene, plan) = with_layers(&format!("{ROOM}{LAMP}{POINT}{FOG}"));
     let hashes = [1, 4].map(|threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let image = pool.install(|| render_pass(&scene, &plan, 5).expect("a pass"));
+        let image = with_threads(threads, || render_pass(&scene, &plan, 5).expect("a pass"));
         let hash = |film: &Film| pixel_hash(film);
         [hash(&image.film), hash(&image.layers[1]), hash(&image.layers[2])]
     });

@@ -3,8 +3,7 @@
 
 use super::coats::room;
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{Blocks, average, blocks_by, reference_images, scene};
-use beamfarm_image::job::{ReferenceSettings, Technique, Techniques};
+use beamfarm_harness::render::{average, blocks_each_way, scene, truth};
 use beamfarm_render::math::{Ray, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
@@ -43,11 +42,7 @@ fn metal_has_no_black_rings() {
         ),
     ] {
         let scene = scene(&ball(material));
-        let settings = ReferenceSettings {
-            seed: 5,
-            max_depth: None,
-        };
-        let paths = Blocks::new(reference_images(&scene, settings, 32, 8), 4);
+        let paths = truth(&scene, 32, 8, 4);
         let passes = average(&scene);
         for pixel in &passes.beauty.pixels {
             // A mirror's reflection is kept above the surface, but not all of a lobe around it. If they were shadowed
@@ -204,19 +199,8 @@ fn photons_and_paths_find_the_same_light_on_bumpy_metal() {
         let room = scene(&room(&format!(
             "base_color = [0.7, 0.5, 0.3]\nnormal_map = {STEEP}\n{fields}"
         )));
-        let settings = ReferenceSettings {
-            seed: 5,
-            max_depth: None,
-        };
-        let truth = Blocks::new(reference_images(&room, settings, 63, 16), 8);
-        for (seed, way) in [(1, Technique::Photons), (2, Technique::Paths)] {
-            let techniques = Techniques {
-                media: None,
-                surfaces: Some(way),
-                caustics: Some(Technique::Photons),
-                aimed: None,
-            };
-            let found = blocks_by(&room, techniques, seed, 8);
+        let truth = truth(&room, 63, 16, 8);
+        for (way, found) in blocks_each_way(&room, 8) {
             suite.same_blocks(&format!("{name} {way:?}"), &found, &truth, 5e-3);
             assert!(found.noise(&truth) < 0.04, "{way:?}: {}", found.noise(&truth));
         }

@@ -1,12 +1,11 @@
 //! The camera's rays: field of view, orientation, lens.
 
 use beamfarm_harness::quadrature::Rect;
-use beamfarm_harness::render::scene;
+use beamfarm_harness::render::{plan_of, scene};
 use beamfarm_harness::{Chi2, MeanEstimate, Suite};
 use beamfarm_image::film::Film;
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Frame, Vec2, Vec3};
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::world::camera::{Camera, Projection};
 use beamfarm_render::world::filter::PixelFilter;
@@ -340,7 +339,7 @@ fn a_window_under_a_tent_is_the_weighted_picture() {
     let (radius, x0, y0, width, height) = (1.5, 3, 2, 6, 5);
     let passes = |image: &str, seed: &str| {
         let scene = scene(&FOGGY.replace("IMAGE", image).replace("SEED", seed));
-        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        let plan = plan_of(&scene);
         (0..scene.description().defaults.passes)
             .map(|pass_index| render_pass(&scene, &plan, pass_index).expect("a pass").film)
             .collect::<Vec<_>>()

@@ -3,8 +3,7 @@
 
 use super::energy::{COSINES, albedo, direction, grey, principled};
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{Blocks, blocks_by, reference_images, scene};
-use beamfarm_image::job::{ReferenceSettings, Technique, Techniques};
+use beamfarm_harness::render::{blocks_each_way, scene, truth};
 use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
@@ -306,20 +305,9 @@ radius = 0.2
 emission = { radiance = [3.0, 2.5, 2.0] }
 "#,
     );
-    let settings = ReferenceSettings {
-        seed: 5,
-        max_depth: None,
-    };
-    let truth = Blocks::new(reference_images(&room, settings, 36, 8), 8);
+    let truth = truth(&room, 36, 8, 8);
     let mut suite = Suite::new(1e-2);
-    for (seed, way) in [(1, Technique::Photons), (2, Technique::Paths)] {
-        let techniques = Techniques {
-            media: None,
-            surfaces: Some(way),
-            caustics: Some(Technique::Photons),
-            aimed: None,
-        };
-        let found = blocks_by(&room, techniques, seed, 8);
+    for (way, found) in blocks_each_way(&room, 8) {
         suite.same_blocks(&format!("{way:?}"), &found, &truth, 5e-3);
         assert!(found.noise(&truth) < 0.03, "{way:?}: {}", found.noise(&truth));
     }

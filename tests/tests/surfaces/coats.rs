@@ -2,9 +2,8 @@
 //! against paths.
 
 use super::energy::{albedo, direction, grey};
-use beamfarm_harness::render::{Blocks, blocks_by, reference_images, scene};
+use beamfarm_harness::render::{blocks_each_way, scene, truth};
 use beamfarm_harness::{Chi2, Suite};
-use beamfarm_image::job::{ReferenceSettings, Technique, Techniques};
 use beamfarm_render::math::{Ray, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::world::bsdf::{
@@ -250,19 +249,8 @@ fn photons_and_paths_find_the_same_light_below_coats() {
         ("own", format!("{base}coat_normal_map = {MAP}")),
     ] {
         let room = scene(&room(&fields));
-        let settings = ReferenceSettings {
-            seed: 5,
-            max_depth: None,
-        };
-        let truth = Blocks::new(reference_images(&room, settings, 63, 16), 8);
-        for (seed, way) in [(1, Technique::Photons), (2, Technique::Paths)] {
-            let techniques = Techniques {
-                media: None,
-                surfaces: Some(way),
-                caustics: Some(Technique::Photons),
-                aimed: None,
-            };
-            let found = blocks_by(&room, techniques, seed, 8);
+        let truth = truth(&room, 63, 16, 8);
+        for (way, found) in blocks_each_way(&room, 8) {
             suite.same_blocks(&format!("{name} {way:?}"), &found, &truth, 5e-3);
             assert!(found.noise(&truth) < 0.03, "{way:?}: {}", found.noise(&truth));
         }

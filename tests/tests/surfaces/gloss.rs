@@ -2,10 +2,10 @@
 //! noise.
 
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{Blocks, blocks, blur, images, reference_images, scene};
-use beamfarm_image::job::ReferenceSettings;
+use beamfarm_harness::render::{Blocks, blocks, blur, images, plan_of, scene, truth, with_threads};
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 
 /// A closed room whose walls are lit by a spot and a small lamp, and a ball.
 const ROOM: &str = r#"
@@ -113,6 +113,15 @@ fn same_means(name: &str, [alone, together]: &[Blocks; 2], suite: &mut Suite) {
     assert!(noise < 0.03 * blur(), "{name}: {noise}");
 }
 
+/// A scene is what the path tracer shows in so many images. `[most, slack]`: the most noise
+/// that is little enough to tell, and what blocks may differ by on top.
+fn is_as_traced(name: &str, scene: &Scene, images: u64, [most, slack]: [f64; 2], suite: &mut Suite) {
+    let (passes, truth) = (blocks(scene, 8), truth(scene, images, 8, 8));
+    let noise = passes.noise(&truth);
+    assert!(noise < most * blur(), "{name}: {noise}");
+    suite.same_blocks(name, &passes, &truth, slack);
+}
+
 /// Metal, frosted glass with transmission, a rough coat, and the principled BSDF. Significance 1e-2 for all blocks of
 /// all rooms together.
 #[test]
@@ -147,11 +156,7 @@ fn surfaces_among_many_lights_are_what_the_path_tracer_shows() {
             text += &format!("[[lights]]\ntype = \"point\"\nposition = [{x}, 0.85, {z}]\nintensity = {intensity}\n");
         }
         let scene = scene(&text);
-        let settings = ReferenceSettings {
-            seed: 5,
-            max_depth: None,
-        };
-        let reference = Blocks::new(reference_images(&scene, settings, 64, 32), 6);
+        let reference = truth(&scene, 64, 32, 6);
         same_means(gloss, &[reference, blocks(&scene, 6)], &mut suite);
     }
     suite.finish();
@@ -166,7 +171,7 @@ fn gloss_lowers_the_noise() {
         let text = text.replace("paths = 3000", &format!("paths = {paths}"));
         let scene = scene(&text);
         let [alone, together] = [false, true].map(|all| {
-            let mut plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+            let mut plan = plan_of(&scene);
             gather_rays(&mut plan, all);
             let film = |i| render_pass(&scene, &plan, i).expect("a pass").film;
             let blocks = Blocks::new((first..first + 60).map(film), 1);
@@ -185,12 +190,8 @@ fn gloss_lowers_the_noise() {
 #[test]
 fn bits_do_not_depend_on_threads() {
     let scene = scene(&room("steel", "plain", 1));
-    let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
-    let images = [1, 3].map(|threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        let pool = pool.build().expect("a pool");
-        pool.install(|| render_pass(&scene, &plan, 3).expect("a pass").film)
-    });
+    let plan = plan_of(&scene);
+    let images = [1, 3].map(|threads| with_threads(threads, || render_pass(&scene, &plan, 3).expect("a pass").film));
     assert_eq!(images[0], images[1]);
 }
 
@@ -248,15 +249,7 @@ fn lights_of_no_size_are_seen_once_in_polish() {
                 .replace("MATERIAL", material)
                 .replace("PASSES", "1600"),
         );
-        let settings = ReferenceSettings {
-            seed: 5,
-            max_depth: None,
-        };
-        let truth = Blocks::new(reference_images(&scene, settings, 800, 8), 8);
-        let passes = blocks(&scene, 8);
-        let noise = passes.noise(&truth);
-        assert!(noise < 0.05 * blur(), "{material}: {noise}");
-        suite.same_blocks(material, &passes, &truth, 5e-3);
+        is_as_traced(material, &scene, 800, [0.05, 5e-3], &mut suite);
     }
     suite.finish();
 }
@@ -306,15 +299,7 @@ transform = [{ scale = 0.5 }, { rotate = { axis = [1, 0, 0], angle = 90 } }, { t
         ("black", "type = \"diffuse\"\nreflectance = 0.0"),
     ] {
         let scene = scene(&LAMP.replace("MATERIAL", name).replace("SURFACE", surface));
-        let settings = ReferenceSettings {
-            seed: 5,
-            max_depth: None,
-        };
-        let truth = Blocks::new(reference_images(&scene, settings, 512, 8), 8);
-        let passes = blocks(&scene, 8);
-        let noise = passes.noise(&truth);
-        assert!(noise < 0.05 * blur(), "{name}: {noise}");
-        suite.same_blocks(name, &passes, &truth, 1e-2);
+        is_as_traced(name, &scene, 512, [0.05, 1e-2], &mut suite);
     }
     suite.finish();
 }
@@ -392,15 +377,7 @@ emission = { radiance = 8.0 }
                 .replace("WEIGHT", weight)
                 .replace("PASSES", "400"),
         );
-        let settings = ReferenceSettings {
-            seed: 5,
-            max_depth: None,
-        };
-        let truth = Blocks::new(reference_images(&scene, settings, 800, 8), 8);
-        let passes = blocks(&scene, 8);
-        let noise = passes.noise(&truth);
-        assert!(noise < 0.08 * blur(), "{materials}: {noise}");
-        suite.same_blocks(materials, &passes, &truth, 1e-2);
+        is_as_traced(materials, &scene, 800, [0.08, 1e-2], &mut suite);
     }
     suite.finish();
 }

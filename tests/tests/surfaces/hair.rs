@@ -1,7 +1,7 @@
 //! Curves and points, as hair and with other materials, against the path tracer; and displaced meshes.
 
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{Blocks, blocks, images, reference_images, scene, scene_with};
+use beamfarm_harness::render::{Blocks, blocks, images, reference_images, scene, scene_with, truth};
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::world::geometry::Shape;
 use std::fmt::Write;
@@ -67,11 +67,7 @@ emission = { radiance = 8 }
     for (name, world) in [("vacuum", ""), ("fog", fog)] {
         let tuft = tuft();
         let hairy = scene_with(&format!("{VIEW}{world}{shapes}"), &[("tuft.txt", tuft.as_bytes())]);
-        let settings = ReferenceSettings {
-            seed: 5,
-            max_depth: None,
-        };
-        let reference = Blocks::new(reference_images(&hairy, settings, images(64), 16), 16);
+        let reference = truth(&hairy, images(64), 16, 16);
         suite.same_blocks(name, &blocks(&hairy, 16), &reference, 0.03);
     }
     suite.finish();

@@ -1,10 +1,9 @@
 //! Lamps that rays pass, like Blender's: surfaces that are nothing but lights.
 
 use beamfarm_harness::differential::{Effort, examine};
-use beamfarm_harness::render::scene;
+use beamfarm_harness::render::{plan_of, scene};
 use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::cpu::pass::render_pass;
-use beamfarm_render::plan::RenderPlan;
 
 /// A lamp as large as the floor close below it, and a ball of metal.
 fn room(lamp: &str, more: &str) -> String {
@@ -58,7 +57,7 @@ radius = 0.2
 fn lamps_that_are_passed_are_as_quiet_as_others() {
     let found = |lamp: &str| {
         let room = scene(&room(lamp, ""));
-        let plan = RenderPlan::new(&room, room.description().defaults.job_settings());
+        let plan = plan_of(&room);
         let mut pixels = vec![MeanEstimate::new(); 24 * 16];
         let mut whole = MeanEstimate::new();
         for pass in 0..48 {
@@ -141,7 +140,7 @@ transform = [{{ scale = 2 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }},
     };
     let found = |more: &str| {
         let room = scene(&room("type = \"null\"", more));
-        let plan = RenderPlan::new(&room, room.description().defaults.job_settings());
+        let plan = plan_of(&room);
         let mut whole = MeanEstimate::new();
         for pass in 0..64 {
             let film = render_pass(&room, &plan, pass).expect("a pass").film;

@@ -1,6 +1,6 @@
 //! Layers: what they hold, that they add up to the beauty, and that they do not change the beauty.
 
-use beamfarm_harness::render::scene;
+use beamfarm_harness::render::{scene, with_threads};
 use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::ReferenceSettings;
@@ -157,9 +157,8 @@ fn layers_do_not_depend_on_each_other_nor_on_threads() {
     let scene = scene(ROOM);
     let all = layers(&scene);
     let together = pass(&scene, &all, 3);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
     for (layer, film) in all.iter().zip(&together.layers) {
-        let alone = pool.install(|| pass(&scene, std::slice::from_ref(layer), 3));
+        let alone = with_threads(3, || pass(&scene, std::slice::from_ref(layer), 3));
         assert!(alone.layers[0] == *film, "{layer}");
     }
 }

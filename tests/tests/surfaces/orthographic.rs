@@ -2,12 +2,11 @@
 //! camera.
 
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{Blocks, blocks, blocks_by, blur, images, is_long, reference_images, scene};
+use beamfarm_harness::render::{Blocks, blocks, blocks_by, blur, images, is_long, plan_of, reference_images, scene};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{ReferenceSettings, Technique, Techniques};
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Vec2, Vec3};
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::camera::{Camera, Projection};
@@ -249,7 +248,7 @@ fn the_picture_is_that_of_the_path_tracer_and_of_a_camera_far_away() {
 fn a_window_is_a_part_of_the_picture() {
     let camera = format!("origin = [0.9, 0.65, 2.7617929], {EYE}, aperture = 0.05, focus_distance = 2.5");
     let whole = stage(&camera, ALL, 200);
-    let plan = RenderPlan::new(&whole, whole.description().defaults.job_settings());
+    let plan = plan_of(&whole);
     let cut = |whole: Film| {
         let mut film = Film::new(16, 8);
         for (y, row) in film.pixels.chunks_exact_mut(16).enumerate() {

@@ -1,7 +1,7 @@
 //! At which of many lamps photons start.
 
-use super::{noise, passes, plan, same};
-use beamfarm_harness::render::scene;
+use super::{noise, passes, same};
+use beamfarm_harness::render::{plan_of, scene};
 use beamfarm_render::world::Scene;
 
 /// A room with a lamp in a glass globe above the camera, so that all its light comes by photons, and seven unseen rooms
@@ -61,7 +61,7 @@ ior = 1.5
 #[test]
 fn lamps_that_are_seen_get_more_photons() {
     let (off, auto) = (rooms("off"), rooms("auto"));
-    let chosen = plan(&auto);
+    let chosen = plan_of(&auto);
     let told = chosen.to_string();
     let emitters = chosen.targets.as_ref().and_then(|t| t.emitters()).unwrap();
     assert!(told.contains("\"lamp 0\" gets"), "{told}");
@@ -73,7 +73,7 @@ fn lamps_that_are_seen_get_more_photons() {
         let pmf = emitters.pmf(hidden);
         assert!(pmf > 0.49 * by_power && pmf < 0.51 * by_power, "{pmf}");
     }
-    let (before, after) = (passes(&off, &plan(&off)), passes(&auto, &chosen));
+    let (before, after) = (passes(&off, &plan_of(&off)), passes(&auto, &chosen));
     same("lamps", &after, &before);
     let noise = noise(&after, &before);
     println!("lamps: {noise:.3} times the variance");
@@ -89,9 +89,9 @@ fn a_wrong_choice_of_lamps_loses_no_light() {
         Scene::new(description)
     };
     let (off, elsewhere) = (looks_away("off", 0.0), looks_away("on", 3.0));
-    let mut ignorant = plan(&off);
-    ignorant.targets = plan(&elsewhere).targets;
+    let mut ignorant = plan_of(&off);
+    ignorant.targets = plan_of(&elsewhere).targets;
     let emitters = ignorant.targets.as_ref().and_then(|t| t.emitters()).unwrap();
     assert!(emitters.pmf(0) < 0.1 && emitters.pmf(3) > 0.4);
-    same("lamps", &passes(&off, &ignorant), &passes(&off, &plan(&off)));
+    same("lamps", &passes(&off, &ignorant), &passes(&off, &plan_of(&off)));
 }

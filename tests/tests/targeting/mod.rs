@@ -4,7 +4,7 @@ mod lamps;
 mod starts;
 
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{Blocks, images, is_long, scene};
+use beamfarm_harness::render::{Blocks, images, is_long, plan_of, scene};
 use beamfarm_harness::z_test::two_sided;
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
@@ -214,10 +214,6 @@ rays = ["photon"]
 exclude = ["right pane"]
 "#;
 
-fn plan(scene: &Scene) -> RenderPlan {
-    RenderPlan::new(scene, scene.description().defaults.job_settings())
-}
-
 /// Means over blocks of 4 x 4 pixels of the passes.
 fn passes(scene: &Scene, plan: &RenderPlan) -> Blocks {
     let passes = 0..images(scene.description().defaults.passes);
@@ -265,7 +261,7 @@ fn pictures_are_the_same_with_less_noise() {
                 more,
             }
             .scene();
-            let plan = plan(&scene);
+            let plan = plan_of(&scene);
             assert_eq!(plan.targets.is_some(), targeting == "on", "{what}");
             passes(&scene, &plan)
         });
@@ -289,10 +285,10 @@ fn light_that_the_targets_do_not_know_of_is_not_lost() {
             .scene()
         };
         let (off, on, walled_up) = (room("off", true), room("on", true), room("on", false));
-        let mut ignorant = plan(&on);
-        ignorant.targets = plan(&walled_up).targets;
+        let mut ignorant = plan_of(&on);
+        ignorant.targets = plan_of(&walled_up).targets;
         assert!(ignorant.targets.is_some());
-        same(what, &passes(&on, &ignorant), &passes(&off, &plan(&off)));
+        same(what, &passes(&on, &ignorant), &passes(&off, &plan_of(&off)));
     }
 }
 
@@ -310,7 +306,7 @@ fn targeted_photons_obey_visibility_rules() {
             }
             .scene();
             assert!(scene.description().rules.as_ref().unwrap().touches_photons);
-            let plan = plan(&scene);
+            let plan = plan_of(&scene);
             assert_eq!(plan.targets.is_some(), targeting == "on", "{what}");
             passes(&scene, &plan)
         });
@@ -344,7 +340,7 @@ material = "wall"
         description.defaults.radius = None;
         let world = description.bounds.radius;
         let scene = Scene::new(description);
-        (plan(&scene).radii, world)
+        (plan_of(&scene).radii, world)
     };
     let (near, small) = radii(5.0);
     assert_eq!(near.smooth_ceiling, 0.04 * small);
@@ -373,7 +369,7 @@ fn any_number_of_threads_makes_the_same_targets_and_bits() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let scene = room.scene();
-            render_pass(&scene, &plan(&scene), 3).expect("a pass").film.pixels
+            render_pass(&scene, &plan_of(&scene), 3).expect("a pass").film.pixels
         })
     });
     assert!(films[0] == films[1]);
@@ -421,7 +417,7 @@ power = 100
         ))
     };
     let (auto, off) = (open("auto"), open("off"));
-    let (auto_plan, off_plan) = (plan(&auto), plan(&off));
+    let (auto_plan, off_plan) = (plan_of(&auto), plan_of(&off));
     let told = auto_plan.to_string();
     assert!(told.contains("\"bulb\" gains too little by aiming"), "{told}");
     assert!(off_plan.targets.is_none());
@@ -436,7 +432,7 @@ power = 100
         more: SKY,
     }
     .scene();
-    let plan = plan(&room);
+    let plan = plan_of(&room);
     let told = plan.to_string();
     assert!(plan.targets.is_some() && told.contains("photon targeting"), "{told}");
 }
@@ -454,7 +450,7 @@ fn rejection_is_biased_and_says_so() {
         .scene()
     };
     let (off, reject) = (room("off"), room("reject"));
-    let (off_plan, reject_plan) = (plan(&off), plan(&reject));
+    let (off_plan, reject_plan) = (plan_of(&off), plan_of(&reject));
     let told = reject_plan.to_string();
     assert!(told.contains("BIASED"), "{told}");
     assert!(reject_plan.targets.as_ref().is_some_and(|targets| targets.rejects()));

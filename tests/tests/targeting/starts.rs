@@ -1,8 +1,8 @@
 //! Where aimed photons start, and their flux.
 
-use super::{BALL, LAMP, POINT, Room, SKY, SPOT, SUN, WIDE_SUN, plan};
+use super::{BALL, LAMP, POINT, Room, SKY, SPOT, SUN, WIDE_SUN};
 use beamfarm_harness::quadrature::Rect;
-use beamfarm_harness::render::is_long;
+use beamfarm_harness::render::{is_long, plan_of};
 use beamfarm_harness::{Chi2, MeanEstimate, Suite};
 use beamfarm_render::math::{Frame, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
@@ -39,7 +39,7 @@ fn flux_is_that_of_the_light() {
             more,
         };
         let scene = room.scene();
-        let plan = plan(&scene);
+        let plan = plan_of(&scene);
         let description = scene.description();
         let (objects, bounds) = (&description.objects, &description.bounds);
         let light = &description.lights[0];
@@ -125,7 +125,7 @@ fn starts_follow_their_density() {
             more,
         }
         .scene();
-        let plan = plan(&scene);
+        let plan = plan_of(&scene);
         let description = scene.description();
         let (objects, bounds) = (&description.objects, &description.bounds);
         let light = &description.lights[0];
@@ -158,7 +158,7 @@ fn points_follow_their_density(what: &str, sun: &str) {
         more: sun,
     }
     .scene();
-    let plan = plan(&scene);
+    let plan = plan_of(&scene);
     let description = scene.description();
     let (objects, bounds) = (&description.objects, &description.bounds);
     let light = &description.lights[0];

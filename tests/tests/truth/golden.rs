@@ -3,12 +3,11 @@
 //! number of threads, or the build. Those of pictures with visibility rules are in `rules/golden.rs`.
 
 use crate::rules::golden::RULES;
-use beamfarm_harness::render::{average, scene};
+use beamfarm_harness::render::{average, plan_of, scene, with_threads};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::EngineKind;
 use beamfarm_proto::FileHash;
 use beamfarm_render::cpu::pass::render_pass;
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::estimators::Caustics;
 
 const FOG_HASH: &str = "57ee5f97b60be6c387cf4d42b1d9e229e67b670a4671ee72ed5f17170835e4eb";
@@ -244,7 +243,7 @@ fn bits_have_a_number() {
 fn hashes_of_small_images() {
     let hash = |toml| pixel_hash(&average(&scene(toml)).beauty);
     let lamps = scene(LAMPS);
-    let plan = RenderPlan::new(&lamps, lamps.description().defaults.job_settings());
+    let plan = plan_of(&lamps);
     assert_eq!(
         [0, 1].map(|light| plan.estimators.caustics_of(light)),
         [Caustics::Photons, Caustics::Shared]
@@ -269,14 +268,11 @@ fn hashes_of_small_images() {
 fn the_number_of_threads_changes_nothing() {
     for toml in [FOG, SMOKE, SURFACES, LAMPS] {
         let scene = scene(toml);
-        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        let plan = plan_of(&scene);
         let hashes: Vec<String> = [1, 2, 3, 8]
             .into_iter()
-            .map(|threads| {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-                let pool = pool.unwrap();
-                pixel_hash(&pool.install(|| render_pass(&scene, &plan, 3).expect("a pass")).film)
-            })
+            .map(|threads| with_threads(threads, || render_pass(&scene, &plan, 3).expect("a pass")))
+            .map(|image| pixel_hash(&image.film))
             .collect();
         assert!(hashes.iter().all(|h| *h == hashes[0]), "{hashes:?}");
     }

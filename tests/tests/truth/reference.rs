@@ -8,13 +8,12 @@ use beamfarm_harness::furnace::{
     COATS_VEILS_AND_PANES, GLASS_BALL, MIRROR_BALL, WHITE_AND_GLASS, closed_box, under_the_sky,
 };
 use beamfarm_harness::point_in_fog::PointInFog;
-use beamfarm_harness::render::{Blocks, reference_images, scene, scene_with};
+use beamfarm_harness::render::{Blocks, plan_of, reference_images, scene, scene_with, with_threads};
 use beamfarm_harness::{Suite, mitsuba};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::cpu::reference::render_sample;
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use glam::{DVec2, DVec3};
 
@@ -328,7 +327,7 @@ transform = [{ scale = 0.3 }, { rotate = { axis = [0, 1, 0], angle = 30 } }, { t
 #[test]
 fn fog_with_a_lamp_is_what_beams_show() {
     let scene = scene(FOGGY_ROOM);
-    let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+    let plan = plan_of(&scene);
     let passes = (256..256 + 48).map(|i| render_pass(&scene, &plan, i).expect("a pass").film);
     let beams = Blocks::new(passes, BLOCK);
     let got = images(&scene, UNBOUNDED, 16);
@@ -341,11 +340,8 @@ fn fog_with_a_lamp_is_what_beams_show() {
 fn threads_do_not_change_a_bit() {
     let scene = scene(FOGGY_ROOM);
     let hash = |threads, seed, sample| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let settings = ReferenceSettings { seed, ..UNBOUNDED };
-        let film = pool
-            .unwrap()
-            .install(|| render_sample(&scene, &settings, sample, || true));
+        let film = with_threads(threads, || render_sample(&scene, &settings, sample, || true));
         pixel_hash(&film.unwrap())
     };
     let one = hash(1, 1, 5);

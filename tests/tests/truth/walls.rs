@@ -2,10 +2,9 @@
 //! together.
 
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{Blocks, blocks, images, reference_images, scene};
+use beamfarm_harness::render::{Blocks, blocks, images, plan_of, reference_images, scene};
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::cpu::pass::render_pass;
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
 const FOG: &str = r#"
@@ -79,7 +78,7 @@ material = "grey"
 
 /// Whether all pixels of several passes are black.
 fn is_black(scene: &Scene) -> bool {
-    let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
+    let plan = plan_of(scene);
     (0..16).all(|pass| {
         let film = render_pass(scene, &plan, pass).expect("a pass").film;
         film.pixels.iter().all(|pixel| *pixel == [0.0; 3])

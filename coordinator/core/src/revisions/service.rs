@@ -2,12 +2,12 @@
 
 use super::{Outcome, Revisions};
 use crate::chunks::{FileStream, in_chunks};
-use crate::service::same_program;
+use crate::greeting::{fingerprint, same_program, shortened};
 use beamfarm_image::film::Film;
 use beamfarm_proto::wire::order::Order as Kind;
 use beamfarm_proto::wire::report::Part;
 use beamfarm_proto::wire::revisions_server::Revisions as RevisionsService;
-use beamfarm_proto::{FileHash, Fingerprint, Identity, RevisionNumber, TaskNumber, WireHash, WorkerId, wire};
+use beamfarm_proto::{FileHash, Fingerprint, RevisionNumber, TaskNumber, WireHash, WorkerId, wire};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -45,10 +45,6 @@ impl Service {
 
 type Orders = mpsc::Sender<Result<wire::Order, Status>>;
 
-fn shortened(text: &str) -> &str {
-    &text[..text.floor_char_boundary(TEXT_BYTES)]
-}
-
 #[tonic::async_trait]
 impl RevisionsService for Service {
     type AttendStream = ReceiverStream<Result<wire::Order, Status>>;
@@ -60,7 +56,7 @@ impl RevisionsService for Service {
         let Some(Part::Greeting(greeting)) = first.and_then(|first| first.part) else {
             return Err(Status::invalid_argument("expected a greeting first"));
         };
-        let name = shortened(&greeting.name).to_owned();
+        let name = shortened(&greeting.name, TEXT_BYTES).to_owned();
         if let Err(message) = same_program(&greeting.version, greeting.protocol) {
             warn!(name, "{name:?} is refused: {message}");
             return Err(Status::failed_precondition(message));
@@ -72,9 +68,7 @@ impl RevisionsService for Service {
             );
             return Err(Status::permission_denied("its test picture has other bits"));
         }
-        let key = Identity::from_bytes(&greeting.identity)
-            .ok_or_else(|| Status::invalid_argument("identity: expected 32 bytes"))?
-            .fingerprint();
+        let key = fingerprint(&greeting.identity)?;
         if self.revisions.has_sent_away(key) {
             return Err(Status::permission_denied(SENT_AWAY));
         }
@@ -251,7 +245,7 @@ impl Attendance {
                 Ok(())
             }
             Part::Misfortune(misfortune) => {
-                let message = shortened(&misfortune.message).to_owned();
+                let message = shortened(&misfortune.message, TEXT_BYTES).to_owned();
                 warn!(worker = self.worker.0, "{message}");
                 self.revisions
                     .give_back(self.worker, TaskNumber(misfortune.task), Some(message));

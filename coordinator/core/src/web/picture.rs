@@ -1,9 +1,10 @@
 //! The picture: to view, to download, and the values of its pixels.
 
 use super::{Asked, Web};
+use crate::downloads::{failed, none_yet, plain_name, to_keep};
 use crate::watch::unix_time;
 use axum::extract::{Query, State};
-use axum::http::header::{CONTENT_DISPOSITION, CONTENT_TYPE};
+use axum::http::header::CONTENT_TYPE;
 use axum::http::{HeaderName, StatusCode};
 use axum::response::{IntoResponse, Response};
 use beamfarm_image::exr::{ImageMeta, Maker, encode_image};
@@ -16,20 +17,16 @@ use std::time::SystemTime;
 /// Header with the number of passes in a picture.
 const PASSES: HeaderName = HeaderName::from_static("beamfarm-passes");
 
-fn none() -> Response {
-    (StatusCode::NOT_FOUND, "no pass is complete yet\n").into_response()
-}
-
 pub(super) async fn png(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
     let watch = web.watch();
     let pictures = watch.pictures();
     let Some(picture) = pictures.of(asked.passes).await else {
-        return none();
+        return none_yet();
     };
     let passes = picture.average.passes.to_string();
     match pictures.png(picture, asked.shown(&watch)).await {
         Ok(png) => ([(CONTENT_TYPE, "image/png".to_owned()), (PASSES, passes)], png).into_response(),
-        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
+        Err(error) => failed(error),
     }
 }
 
@@ -37,7 +34,7 @@ pub(super) async fn png(State(web): State<Arc<Web>>, Query(asked): Query<Asked>)
 pub(super) async fn exr(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
     let watch = web.watch();
     let Some(picture) = watch.pictures().of(asked.passes).await else {
-        return none();
+        return none_yet();
     };
     let farm = watch.farm();
     let meta = ImageMeta {
@@ -54,38 +51,21 @@ pub(super) async fn exr(State(web): State<Arc<Web>>, Query(asked): Query<Asked>)
     };
     let passes = picture.average.passes.to_string();
     let encoded = tokio::task::spawn_blocking(move || encode_image(&picture.average, &meta)).await;
-    let wrong = |error: String| (StatusCode::INTERNAL_SERVER_ERROR, error).into_response();
     match encoded {
         Ok(Ok(exr)) => {
             let name = format!("{}-{passes}.exr", plain(&watch.terms().title));
-            let attachment = format!("attachment; filename=\"{name}\"");
-            let headers = [
-                (CONTENT_TYPE, "image/x-exr".to_owned()),
-                (CONTENT_DISPOSITION, attachment),
-                (PASSES, passes),
-            ];
-            (headers, exr).into_response()
+            ([(PASSES, passes)], to_keep("image/x-exr", &name, exr)).into_response()
         }
-        Ok(Err(error)) => wrong(error.to_string()),
-        Err(error) => wrong(error.to_string()),
+        Ok(Err(error)) => failed(error),
+        Err(error) => failed(error),
     }
 }
 
-/// Keeps only characters that are safe in file names everywhere.
+/// A file's name for a picture with this title, which may have none.
 fn plain(title: &str) -> String {
-    let name: String = title
-        .chars()
-        .map(|c| {
-            if c.is_ascii_alphanumeric() || "-_".contains(c) {
-                c
-            } else {
-                '_'
-            }
-        })
-        .collect();
-    match name.is_empty() {
+    match title.is_empty() {
         true => format!("beamfarm-{}", unix_time(SystemTime::now()).as_secs()),
-        false => name,
+        false => plain_name(title),
     }
 }
 
@@ -93,7 +73,7 @@ fn plain(title: &str) -> String {
 pub(super) async fn pixel(State(web): State<Arc<Web>>, Query(asked): Query<Asked>) -> Response {
     let watch = web.watch();
     let Some(picture) = watch.pictures().of(asked.passes).await else {
-        return none();
+        return none_yet();
     };
     let average = &picture.average;
     let film = &average.beauty;

@@ -1,4 +1,6 @@
 use super::*;
+use crate::live::messages::ToPage;
+use beamfarm_image::view::ViewTransform;
 use clap::Parser;
 use serde_json::json;
 

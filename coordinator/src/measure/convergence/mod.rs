@@ -4,8 +4,9 @@ mod plot;
 
 use crate::failure::Failure;
 use crate::import::ImportArgs;
+use crate::loaded::suits_device;
 use crate::output::{make_folder, print_text};
-use crate::settings::{DeviceArgs, suits_device};
+use crate::settings::DeviceArgs;
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::job::{EngineKind, JobSettings};
 use beamfarm_render::cpu::convergence::{Moments, Prediction, Runs, Theory};

@@ -311,13 +311,8 @@ mod tests {
             group: LightGroup::named("all"),
         };
         let object = |shape: Shape| Object {
-            name: String::new(),
-            shape,
-            material: 0,
-            boundary: None,
             light: Some(0),
-            priority: None,
-            space: None,
+            ..Object::new(shape)
         };
         // Rotated and moved; mirrored; stretched.
         let placed = |scale: Vec3| {

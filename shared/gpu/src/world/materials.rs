@@ -331,12 +331,13 @@ impl FlatMaterials {
                 specular_reflectance,
                 coat,
             } => {
-                let bits = two_sided | ALL_LOBES | nonlinear(coat.is_nonlinear()) | facets(&coat.distribution());
+                let base = coat.seen_from_base();
+                let bits = two_sided | ALL_LOBES | nonlinear(base.is_nonlinear()) | facets(&coat.distribution());
                 Material {
                     transmittance: constant(specular_reflectance),
-                    eta: [coat.eta(); 3],
+                    eta: [base.eta(); 3],
                     roughness: coat.alpha(),
-                    metallic: coat.internal(),
+                    metallic: base.internal(),
                     table: self.textures.add_numbers(coat.transmittances()),
                     ..of(ROUGH_PLASTIC, reflectance, bits)
                 }

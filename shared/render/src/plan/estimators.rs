@@ -262,13 +262,7 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
         |ray: &Ray, hides: &dyn Fn(u32) -> bool| (scene.geometry).intersect(objects, ray, f32::INFINITY, hides);
     // What the camera sees that is no light, and the camera itself.
     let mut points = vec![camera.position];
-    for i in 0..side * side {
-        let at = Vec2::new((i % side) as f32, (i / side) as f32) + 0.5;
-        let image = at / side as f32 * Vec2::new(camera.width as f32, camera.height as f32);
-        if !camera.sees(image) {
-            continue;
-        }
-        let ray = camera.ray(image, Vec2::splat(0.5));
+    for ray in camera.rays_over_image(side) {
         let hit = met_by(&ray, &|o| objects[o as usize].light.is_some());
         points.extend(hit.map(|hit| hit.point));
     }

@@ -113,6 +113,16 @@ impl Camera {
         }
     }
 
+    /// The rays through the middles of `side` x `side` equal parts of the image and the middle of the lens, row by row;
+    /// parts outside a fisheye's circle have none.
+    pub fn rays_over_image(&self, side: usize) -> impl Iterator<Item = Ray> {
+        (0..side * side).filter_map(move |i| {
+            let at = Vec2::new((i % side) as f32, (i / side) as f32) + 0.5;
+            let image = at / side as f32 * Vec2::new(self.width as f32, self.height as f32);
+            self.sees(image).then(|| self.ray(image, Vec2::splat(0.5)))
+        })
+    }
+
     /// The ray through a visible point of the image. `image`: in pixels, (0, 0) the top left corner, y down. `lens`: in
     /// [0, 1)^2.
     #[inline]

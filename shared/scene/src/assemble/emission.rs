@@ -111,7 +111,7 @@ impl Parts<'_> {
             (None, Some(power)) => {
                 let area = self.area(surface, map, shape);
                 let sides = if two_sided { 2.0 } else { 1.0 };
-                Rgb::from_array(power.0.map(|watts| (watts / (sides * PI * area)) as f32))
+                power.over(sides * PI * area)
             }
             _ => {
                 let message = "emission is given by `radiance` (W/(m^2 sr)) or by `power` (W): exactly one of them";

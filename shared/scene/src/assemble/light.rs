@@ -5,7 +5,7 @@ use super::{Parts, Problem, asset_problem, check_reach, required};
 use crate::assets::image::Encoding;
 use crate::parse::{Fault, ImageFile, LightRecord, LightType};
 use crate::transform;
-use crate::values::Spanned;
+use crate::values::{Spanned, Vector};
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::{Frame, Rgb};
 use beamfarm_render::world::light::{
@@ -99,13 +99,7 @@ impl Parts<'_> {
 
     fn spot(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
         let position = self.position(record)?;
-        let target = required(&record.target, &record.kind, "target")?;
-        let from = record.position.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
-        let axis = unit(
-            target.get_ref().0 - from,
-            target,
-            "expected a point other than `position`",
-        )?;
+        let axis = towards(record, required(&record.target, &record.kind, "target")?)?;
         let cutoff = record.cutoff_angle.as_ref().map_or(20.0, |a| a.get_ref().0);
         let plateau = record.beam_width.as_ref().map_or(0.75 * cutoff, |a| a.get_ref().0);
         let [cutoff, plateau] = [cutoff, plateau].map(f64::to_radians);
@@ -219,7 +213,7 @@ impl Parts<'_> {
         let irradiance = match (&record.irradiance, &record.power) {
             (Some(irradiance), None) => irradiance.get_ref().rgb(),
             (None, Some(power)) => {
-                let irradiance = Rgb::from_array(power.get_ref().0.map(|watts| (watts / area) as f32));
+                let irradiance = power.get_ref().over(area);
                 if !irradiance.is_finite() {
                     let message = "too much power for single precision on so small a disc";
                     return Err(Fault::new(power.span(), message).into());
@@ -242,13 +236,7 @@ impl Parts<'_> {
 
     fn projector(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
         let position = self.position(record)?;
-        let target = required(&record.target, &record.kind, "target")?;
-        let from = record.position.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
-        let axis = unit(
-            target.get_ref().0 - from,
-            target,
-            "expected a point other than `position`",
-        )?;
+        let axis = towards(record, required(&record.target, &record.kind, "target")?)?;
         let intensity = required(&record.intensity, &record.kind, "intensity")?.get_ref().rgb();
         let image = match &record.image {
             Some(path) => self.thrown(record, path)?,
@@ -329,14 +317,20 @@ impl Parts<'_> {
     }
 }
 
+/// The direction from a light to its target.
+fn towards(record: &LightRecord, target: &Spanned<Vector>) -> Result<DVec3, Fault> {
+    let from = record.position.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
+    unit(
+        target.get_ref().0 - from,
+        target,
+        "expected a point other than `position`",
+    )
+}
+
 /// The direction a light shines in, from a point or a direction.
 fn axis_of(record: &LightRecord, what: &str) -> Result<DVec3, Fault> {
-    let from = record.position.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
     match (&record.target, &record.direction) {
-        (Some(target), None) => {
-            let message = "expected a point other than `position`";
-            unit(target.get_ref().0 - from, target, message)
-        }
+        (Some(target), None) => towards(record, target),
         (None, Some(direction)) => {
             let message = "expected a direction other than [0, 0, 0]";
             unit(direction.get_ref().0, direction, message)
@@ -380,7 +374,7 @@ fn intensity(record: &LightRecord, solid_angle: f64) -> Result<Rgb, Fault> {
     match (&record.intensity, &record.power) {
         (Some(intensity), None) => Ok(intensity.get_ref().rgb()),
         (None, Some(power)) => {
-            let intensity = Rgb::from_array(power.get_ref().0.map(|watts| (watts / solid_angle) as f32));
+            let intensity = power.get_ref().over(solid_angle);
             match intensity.is_finite() {
                 true => Ok(intensity),
                 false => Err(Fault::new(power.span(), "too much power for single precision")),

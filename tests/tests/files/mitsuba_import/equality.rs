@@ -1,14 +1,14 @@
 //! Whole scenes against native ones written by hand: equal pixels.
 
 use super::*;
+use beamfarm_harness::render::plan_of;
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_render::cpu::pass::render_pass;
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
 fn pixels(description: SceneDescription) -> String {
     let scene = Scene::new(description);
-    let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+    let plan = plan_of(&scene);
     pixel_hash(&render_pass(&scene, &plan, 0).expect("a pass").film).to_string()
 }
 
@@ -132,7 +132,7 @@ fn hidden_emitters_are_passed_through() {
 
     let image = |value: &str, bsdf: &str| {
         let scene = Scene::new(scene(&text(value, bsdf)));
-        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        let plan = plan_of(&scene);
         render_pass(&scene, &plan, 0).expect("a pass").film.pixels
     };
     let middle = 4 * 16 + 8;

@@ -1,8 +1,8 @@
 //! Media, phase functions and boundaries.
 
 use super::*;
+use beamfarm_harness::render::plan_of;
 use beamfarm_render::cpu::pass::render_pass;
-use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
 fn medium(inner: &str) -> String {
@@ -174,7 +174,7 @@ fn constant_volumes_have_a_box() {
                     <bsdf type=\"null\"/><ref name=\"interior\" id=\"m\"/></shape>";
         let sky = "<emitter type=\"constant\"/>";
         let scene = Scene::new(scene(&with_sensor(&format!("{medium}{cube}{sky}"))));
-        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        let plan = plan_of(&scene);
         let pixels = render_pass(&scene, &plan, 0).expect("a pass").film.pixels;
         let (mut inside, mut outside) = (0, 0);
         for (i, pixel) in pixels.iter().enumerate() {

@@ -1,8 +1,7 @@
 //! Media of optical depth 1e4.
 
-use beamfarm_harness::render::scene;
+use beamfarm_harness::render::{plan_of, scene};
 use beamfarm_render::cpu::pass::render_pass;
-use beamfarm_render::plan::RenderPlan;
 
 /// A ball that fills the picture, under a sky of radiance 1.
 fn ball(sigma_a: f64, sigma_s: f64) -> String {
@@ -41,7 +40,7 @@ radiance = 1.0
 fn ink_is_black() {
     for (sigma_a, sigma_s) in [(1e4, 0.0), (1e4, 1e-2)] {
         let scene = scene(&ball(sigma_a, sigma_s));
-        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        let plan = plan_of(&scene);
         for pass_index in [0, 1, 1000, 1_000_000] {
             let image = render_pass(&scene, &plan, pass_index).expect("a pass");
             // A half space reflects less than its albedo.
@@ -58,7 +57,7 @@ fn ink_is_black() {
 #[test]
 fn milk_costs_few_beams() {
     let scene = scene(&ball(0.0, 1e4));
-    let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+    let plan = plan_of(&scene);
     for pass_index in [0, 1000] {
         let image = render_pass(&scene, &plan, pass_index).expect("a pass");
         assert_eq!(image.stats.non_finite, 0);

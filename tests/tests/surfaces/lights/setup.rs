@@ -1,8 +1,8 @@
 //! Lights and shapes of every kind.
 
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{Blocks, blocks_by, blur, reference_images};
-use beamfarm_image::job::{ReferenceSettings, Technique, Techniques};
+use beamfarm_harness::render::{blocks_by, blur, truth};
+use beamfarm_image::job::{Technique, Techniques};
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::{Frame, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
@@ -98,13 +98,8 @@ pub fn tetrahedron(center: Vec3, size: f32) -> Shape {
 
 pub fn emitter(shape: Shape) -> (Vec<Object>, Light) {
     let object = Object {
-        name: String::new(),
-        shape,
-        material: 0,
-        boundary: None,
         light: Some(0),
-        priority: None,
-        space: None,
+        ..Object::new(shape)
     };
     let kind = LightKind::Area {
         object: 0,
@@ -241,11 +236,7 @@ pub const PATHS: Option<Technique> = Some(Technique::Paths);
 /// the path tracer.
 pub fn found_once(scene: &Scene, ways: &[[Option<Technique>; 3]], images: u64) {
     let mut suite = Suite::new(SIGNIFICANCE);
-    let settings = ReferenceSettings {
-        seed: 5,
-        max_depth: None,
-    };
-    let truth = Blocks::new(reference_images(scene, settings, images, 8), 8);
+    let truth = truth(scene, images, 8, 8);
     for (seed, &[media, surfaces, caustics]) in (0..).zip(ways) {
         let techniques = Techniques {
             media,

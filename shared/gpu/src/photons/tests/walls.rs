@@ -13,22 +13,14 @@ use std::sync::Arc;
 /// An upright wall at a coordinate x, as wide as everything, from the ground to a height.
 fn upright(x: f32, top: f32) -> Object {
     let positions = [[x, -3.0, 0.0], [x, 3.0, 0.0], [x, 3.0, top], [x, -3.0, top]].map(Vec3::from);
-    Object {
-        name: String::new(),
-        shape: Shape::Mesh {
-            mesh: Arc::new(Mesh {
-                positions: positions.to_vec(),
-                triangles: vec![[0, 1, 2], [0, 2, 3]],
-                ..Mesh::default()
-            }),
-            placement: Placement::IDENTITY,
-        },
-        material: 0,
-        boundary: None,
-        light: None,
-        priority: None,
-        space: None,
-    }
+    Object::new(Shape::Mesh {
+        mesh: Arc::new(Mesh {
+            positions: positions.to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
+        }),
+        placement: Placement::IDENTITY,
+    })
 }
 
 /// A pane at 0.2, a wall at 0.5, a low wall at -0.5; photons at the origin and elsewhere, some of which know the walls.

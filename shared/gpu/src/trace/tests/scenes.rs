@@ -100,12 +100,9 @@ fn add(scene: &mut SceneDescription, shape: Shape, material: u32, boundary: Opti
     let number = scene.objects.len() as u32;
     scene.objects.push(Object {
         name: format!("object {number}"),
-        shape,
         material,
         boundary: boundary.map(|[interior, exterior]| Boundary { interior, exterior }),
-        light: None,
-        priority: None,
-        space: None,
+        ..Object::new(shape)
     });
     number
 }

@@ -90,12 +90,8 @@ pub fn add_object(scene: &mut SceneDescription, shape: Shape, material: u32) -> 
     let number = scene.objects.len();
     scene.objects.push(Object {
         name: format!("object {number}"),
-        shape,
         material,
-        boundary: None,
-        light: None,
-        priority: None,
-        space: None,
+        ..Object::new(shape)
     });
     number as u32
 }

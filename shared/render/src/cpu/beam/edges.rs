@@ -249,13 +249,8 @@ mod tests {
             },
         };
         let object = |(shape, material)| Object {
-            name: String::new(),
-            shape,
             material,
-            boundary: None,
-            light: None,
-            priority: None,
-            space: None,
+            ..Object::new(shape)
         };
         Scene::new(SceneDescription {
             camera: Camera {

@@ -5,6 +5,7 @@
 //! not specular leave [`SurfacePhoton`]s, where the table in `transport` assigns that light to photons.
 
 mod flight;
+mod start;
 mod surface;
 
 use super::PhotonBeam;
@@ -14,14 +15,13 @@ use crate::math::{Ray, Rgb, mean};
 use crate::parallel;
 use crate::plan::RenderPlan;
 use crate::plan::aov::GroupNumber;
-use crate::plan::footprint::{Footprint, spread};
-use crate::plan::targeting::{Aim, Targets};
+use crate::plan::footprint::Footprint;
 use crate::plan::weights::{FoundBy, Weights};
 use crate::roulette;
 use crate::sampler::{Purpose, Sampler};
 use crate::world::Scene;
-use crate::world::light::{EmissionSample, EmissionUniforms, LightChoice, LightPoint};
-use crate::world::mask::{Ruled, Start, Unruled, VisibilityMask};
+use crate::world::light::LightPoint;
+use crate::world::mask::{Ruled, Unruled, VisibilityMask};
 use crate::world::medium::MediumId;
 use crate::world::medium::transmittance::StepFunctions;
 use crate::world::spectrum::{Wave, WaveSet};
@@ -50,6 +50,42 @@ pub struct Photons {
     pub rays: u64,
     /// How many of these rays met a surface, or were scattered in a medium.
     pub met: u64,
+}
+
+impl Photons {
+    /// Those of all tasks, in the order of the tasks.
+    fn joined(chunks: Vec<Self>) -> Self {
+        let mut joined = Self {
+            beams: Vec::with_capacity(chunks.iter().map(|c| c.beams.len()).sum()),
+            smooth_beams: Vec::with_capacity(chunks.iter().map(|c| c.smooth_beams.len()).sum()),
+            surface: Vec::with_capacity(chunks.iter().map(|c| c.surface.len()).sum()),
+            steps: StepFunctions::default(),
+            smooth_steps: StepFunctions::default(),
+            walls: Vec::with_capacity(chunks.iter().map(|c| c.walls.len()).sum()),
+            smooth_walls: Vec::with_capacity(chunks.iter().map(|c| c.smooth_walls.len()).sum()),
+            rays: chunks.iter().map(|c| c.rays).sum(),
+            met: chunks.iter().map(|c| c.met).sum(),
+        };
+        for mut chunk in chunks {
+            let before = joined.steps.append(&chunk.steps);
+            chunk.beams.iter_mut().for_each(|beam| beam.steps += before);
+            let before = joined.smooth_steps.append(&chunk.smooth_steps);
+            chunk.smooth_beams.iter_mut().for_each(|beam| beam.steps += before);
+            let after = |beams: &mut [PhotonBeam], before: u32| {
+                beams
+                    .iter_mut()
+                    .for_each(|beam| beam.walls = beam.walls.map(|wall| wall + before));
+            };
+            after(&mut chunk.beams, joined.walls.len() as u32);
+            after(&mut chunk.smooth_beams, joined.smooth_walls.len() as u32);
+            joined.walls.extend(chunk.walls);
+            joined.smooth_walls.extend(chunk.smooth_walls);
+            joined.beams.extend(chunk.beams);
+            joined.smooth_beams.extend(chunk.smooth_beams);
+            joined.surface.extend(chunk.surface);
+        }
+        joined
+    }
 }
 
 /// Paths that one task traces. The photons do not depend on it.
@@ -111,36 +147,7 @@ fn trace_with(
         }
         photons
     });
-    let mut joined = Photons {
-        beams: Vec::with_capacity(chunks.iter().map(|c| c.beams.len()).sum()),
-        smooth_beams: Vec::with_capacity(chunks.iter().map(|c| c.smooth_beams.len()).sum()),
-        surface: Vec::with_capacity(chunks.iter().map(|c| c.surface.len()).sum()),
-        steps: StepFunctions::default(),
-        smooth_steps: StepFunctions::default(),
-        walls: Vec::with_capacity(chunks.iter().map(|c| c.walls.len()).sum()),
-        smooth_walls: Vec::with_capacity(chunks.iter().map(|c| c.smooth_walls.len()).sum()),
-        rays: chunks.iter().map(|c| c.rays).sum(),
-        met: chunks.iter().map(|c| c.met).sum(),
-    };
-    for mut chunk in chunks {
-        let before = joined.steps.append(&chunk.steps);
-        chunk.beams.iter_mut().for_each(|beam| beam.steps += before);
-        let before = joined.smooth_steps.append(&chunk.smooth_steps);
-        chunk.smooth_beams.iter_mut().for_each(|beam| beam.steps += before);
-        let after = |beams: &mut [PhotonBeam], before: u32| {
-            beams
-                .iter_mut()
-                .for_each(|beam| beam.walls = beam.walls.map(|wall| wall + before));
-        };
-        after(&mut chunk.beams, joined.walls.len() as u32);
-        after(&mut chunk.smooth_beams, joined.smooth_walls.len() as u32);
-        joined.walls.extend(chunk.walls);
-        joined.smooth_walls.extend(chunk.smooth_walls);
-        joined.beams.extend(chunk.beams);
-        joined.smooth_beams.extend(chunk.smooth_beams);
-        joined.surface.extend(chunk.surface);
-    }
-    joined
+    Photons::joined(chunks)
 }
 
 /// Number of paths whose footprints set the kernels' width. Fewer paths per pass mean more passes, so this is chosen
@@ -214,33 +221,6 @@ struct Photon<H> {
 }
 
 impl<V: VisibilityMask> Tracer<'_, V> {
-    fn trace(&self, sampler: &mut Sampler, leaves_beams: bool, out: &mut Photons) {
-        let targets = self.plan.targets.as_deref();
-        let Some(choice) = self.plan.emitters().sample(sampler.next_1d()) else {
-            return;
-        };
-        let aim = targets.and_then(|targets| targets.of(choice.light));
-        match aim {
-            Some(aim) if targets.is_some_and(Targets::rejects) => {
-                for _ in 0..aim.trials {
-                    let emission = self.emit(choice.light, None, sampler);
-                    let Some(photon) = self.start(choice, emission, aim.trials, leaves_beams, sampler) else {
-                        continue;
-                    };
-                    if aim.is_hit(self.scene, choice.light, &photon.ray, self.mask) {
-                        self.follow(photon, sampler, out);
-                    }
-                }
-            }
-            aim => {
-                let emission = self.emit(choice.light, aim, sampler);
-                if let Some(photon) = self.start(choice, emission, 1, leaves_beams, sampler) {
-                    self.follow(photon, sampler, out);
-                }
-            }
-        }
-    }
-
     fn follow(&self, mut photon: Photon<V::Hidden>, sampler: &mut Sampler, out: &mut Photons) {
         while photon.power.max_element() > 0.0 {
             out.rays += 1;
@@ -259,86 +239,6 @@ impl<V: VisibilityMask> Tracer<'_, V> {
             photon.flown += hit.t;
             self.meet_surface(&mut photon, &mut hit, sampler, out);
         }
-    }
-
-    /// How a photon of a light starts: as the light emits it or, given an aim, sometimes through the aim.
-    fn emit(&self, light: usize, aim: Option<&Aim>, sampler: &mut Sampler) -> Option<EmissionSample> {
-        let light = &self.scene.lights()[light];
-        let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
-        let uniforms = EmissionUniforms::draw(sampler);
-        match aim {
-            None => Some(light.sample_emission(objects, bounds, uniforms)),
-            Some(aim) => light.sample_mixture(objects, bounds, aim, uniforms, sampler.next_1d()),
-        }
-    }
-
-    /// A photon on its way from a light. `trials`: photons started for each path.
-    fn start(
-        &self,
-        choice: LightChoice,
-        emission: Option<EmissionSample>,
-        trials: u32,
-        leaves_beams: bool,
-        sampler: &mut Sampler,
-    ) -> Option<Photon<V::Hidden>> {
-        let emission = emission?;
-        let paths = self.kernel_paths * choice.pmf * trials as f32;
-        let radius = (1.0 / (std::f32::consts::PI * emission.pdf_pos * paths)).sqrt();
-        let (mut origin, soft) = self.scene.start_of(choice.light, &emission);
-        let hidden = self.mask.from(Start::Light(choice.light));
-        let mut power = emission.power / (self.paths * choice.pmf * trials as f32);
-        if let Some(line) = &soft {
-            let hides = |object| self.mask.hides(hidden, object);
-            let (start, way) = self.scene.start_softly(choice.light, line, hides, sampler)?;
-            origin = start;
-            power *= way;
-        }
-        let medium = self.scene.medium_of_light(choice.light, origin);
-        if self.scene.volume_light(choice.light).is_some()
-            && !self.scene.emitting(medium).contains(&(choice.light as u32))
-        {
-            // The grid around an emissive medium reaches beyond the medium.
-            return None;
-        }
-        let emitted_at = LightPoint {
-            normal: emission.normal.unwrap_or(-emission.dir),
-            primitive: emission.primitive,
-        };
-        let caustic_by = match self.weights.in_caustic[choice.light] {
-            0.0 => FoundBy::Photons,
-            in_caustic => {
-                let light = &self.scene.lights()[choice.light];
-                let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
-                FoundBy::Both(in_caustic * light.emitted_density(objects, bounds, emission.dir, emitted_at))
-            }
-        };
-        Some(Photon {
-            ray: Ray {
-                origin,
-                dir: emission.dir,
-            },
-            hidden,
-            power,
-            wave: None,
-            medium,
-            footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
-            starts_on: emission
-                .normal
-                .filter(|_| soft.is_none())
-                .map(|normal| End { normal, bounds: false }),
-            arrival: Arrival::Direct,
-            found_by: FoundBy::Photons,
-            caustic_by,
-            flown: 0.0,
-            emitted_at,
-            is_pure: true,
-            is_sharp: true,
-            light: choice.light,
-            group: self.plan.layers.group(choice.light),
-            depth: 0,
-            worth: 1.0,
-            leaves_beams,
-        })
     }
 
     /// Whether photons bring the caustics of this one's light, alone or shared with camera paths.

@@ -70,19 +70,15 @@ impl PathTracer<'_> {
             if let Some(id) = path.medium {
                 let medium = &scene.media()[id as usize];
                 self.add_emitted_within(&mut path, id, length, sampler);
-                if !medium.scatters() {
-                    path.beta *= medium.transmittance(&path.ray, length, sampler);
-                } else {
-                    match medium.sample_flight(&path.ray, length, path.beta, sampler) {
-                        Flight::Passed { weight } => path.beta *= weight,
-                        Flight::Scattered { distance, weight } => {
-                            path.beta *= weight;
-                            if !self.scatter_in_medium(&mut path, distance, medium.phase(), sampler) {
-                                break;
-                            }
-                            straight = 0.0;
-                            continue;
+                match medium.sample_way(&path.ray, length, path.beta, sampler) {
+                    Flight::Passed { weight } => path.beta *= weight,
+                    Flight::Scattered { distance, weight } => {
+                        path.beta *= weight;
+                        if !self.scatter_in_medium(&mut path, distance, medium.phase(), sampler) {
+                            break;
                         }
+                        straight = 0.0;
+                        continue;
                     }
                 }
             }

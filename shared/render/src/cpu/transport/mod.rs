@@ -40,34 +40,35 @@
 //! for all other light. Photons that meet it are stored for the other lobes, those of point and parallel lights for all
 //! lobes, and bounce off by any lobe.
 
+mod branches;
+mod crossing;
 mod direct;
 mod medium;
+mod met;
+mod path;
 mod shading;
 mod straight;
 mod vertex;
 mod walk;
 
-use crate::cpu::beam::estimate::{CameraSegment, CameraSegments, Turn, Way};
+use crate::cpu::beam::estimate::{CameraSegments, Turn, Way};
 use crate::cpu::photon_map::{SurfacePhoton, SurfacePhotonMap};
 use crate::math::{Ray, Rgb, Vec3};
 use crate::plan::RenderPlan;
-use crate::plan::aov::{Part, Recorder};
+use crate::plan::aov::Recorder;
 use crate::plan::estimators::Estimators;
 use crate::plan::weights::Weights;
 use crate::roulette;
 use crate::sampler::{Sampler, VERTEX};
-use crate::warp::power_heuristic;
 use crate::world::Scene;
-use crate::world::bsdf::{BsdfFlags, BsdfSample, Material, TransportMode};
-use crate::world::geometry::SurfaceHit;
-use crate::world::light::LightHit;
+use crate::world::bsdf::{BsdfFlags, Material, TransportMode};
 use crate::world::mask::{Start, VisibilityMask};
-use crate::world::medium::{Flight, Medium, MediumId};
 use crate::world::spectrum::{Wave, WaveNumber, WaveSet};
 use crate::world::texture::graph::Viewer;
+use branches::Branches;
 use direct::Seen;
+use path::Path;
 use vertex::{OneLobe, Vertex};
-use walk::{Drawn, Walk, Wanted};
 
 /// What a pass's camera paths read.
 pub struct CameraTracer<'a, V> {
@@ -83,47 +84,6 @@ pub struct CameraTracer<'a, V> {
     pub waves: Option<WaveSet>,
     /// What rays see.
     pub mask: V,
-}
-
-/// Share of a pixel's light below which a branch no longer splits, but goes one way by chance.
-const MIN_SHARE: f32 = 1e-3;
-/// Share from which on branches always look for everything. Looking more often costs more than the noise that it
-/// removes.
-const FULL_SHARE: f32 = 0.3;
-
-/// A camera path on its way, or a branch of one.
-#[derive(Clone, Copy)]
-struct Path<H> {
-    ray: Ray,
-    /// What the ray does not see.
-    hidden: H,
-    /// Throughput from the film.
-    beta: Rgb,
-    /// Throughput without the compression by refraction, and as if the path were no branch.
-    track: Rgb,
-    /// The path's wavelength, once it has met a dispersive surface.
-    wave: Option<Wave>,
-    medium: MediumId,
-    way: Way,
-    depth: u32,
-    /// Whether it has followed a lobe that is not a delta.
-    is_blurred: bool,
-    /// The probability of all the branches that it took, had they been chosen by chance.
-    share: f32,
-    /// Factor on all light except what the path meets: one over the probability of looking for it, or zero if it is not
-    /// looked for.
-    rest: f32,
-    /// The followed lobe that the direction was drawn from, if lights were sampled there as well.
-    drawn: Option<Lobe>,
-}
-
-/// Where a lobe that is not a delta was followed.
-#[derive(Clone, Copy)]
-struct Lobe {
-    point: Vec3,
-    density: f32,
-    distance: f32,
-    object: u32,
 }
 
 /// What a pixel's paths draw from, and what they leave besides radiance.
@@ -167,12 +127,6 @@ impl<'a> PathContext<'a> {
     fn tint(&self) -> Rgb {
         self.wave.map_or(Rgb::ONE, |wave| wave.weight)
     }
-}
-
-/// Branches of a camera path that are yet to be followed.
-struct Branches<H> {
-    waiting: Vec<Path<H>>,
-    splits: u32,
 }
 
 impl<V: VisibilityMask> CameraTracer<'_, V> {
@@ -332,314 +286,5 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 return;
             }
         }
-    }
-
-    /// Light that the path meets: of the environment if it meets no surface, or of the surface.
-    fn add_met_light(
-        &self,
-        path: &Path<V::Hidden>,
-        (hit, distance): (Option<&SurfaceHit>, f32),
-        radiance: &mut Rgb,
-        context: &mut PathContext<'_>,
-    ) {
-        let scene = self.scene;
-        let tint = context.tint();
-        let met = hit.and_then(|hit| {
-            let light = scene.objects()[hit.object as usize].light? as usize;
-            let (dir, hides) = (path.ray.dir, |object| self.mask.hides(path.hidden, object));
-            let emitted = match scene.emitted(hit, dir, distance) {
-                Rgb::ZERO => Rgb::ZERO,
-                emitted => emitted * scene.within_lamp(hit, (dir, distance), path.medium, hides, &mut context.sampler),
-            };
-            Some((light, emitted))
-        });
-        let mut add = |light: usize, emitted: Rgb, hit: Option<&SurfaceHit>| {
-            let arriving = path.beta * emitted * self.share_of_lobe(path, light, hit);
-            context.record.add(Part::Direct, light, arriving);
-            *radiance += tint * arriving;
-        };
-        match hit {
-            Some(hit) => {
-                if let Some((light, emitted)) = met {
-                    add(light, emitted, Some(hit));
-                }
-            }
-            None => {
-                scene.each_environment(path.ray.dir, |light, environment, place| {
-                    if !self.mask.hides_light(path.hidden, light) {
-                        add(light, environment.radiance_at(place), None);
-                    }
-                });
-            }
-        }
-    }
-
-    /// What a medium emits into the path, within `length` of it.
-    fn add_emitted_within(
-        &self,
-        path: &Path<V::Hidden>,
-        id: u16,
-        length: f32,
-        radiance: &mut Rgb,
-        context: &mut PathContext<'_>,
-    ) {
-        let scene = self.scene;
-        for &light in scene.emitting(Some(id)) {
-            let light = light as usize;
-            if let Some(volume) = scene.volume_light(light)
-                && !self.mask.hides_light(path.hidden, light)
-            {
-                let medium = &scene.media()[usize::from(id)];
-                let emitted = volume.arriving(medium, &path.ray, length, &mut context.sampler);
-                let arriving = path.beta * emitted * self.share_of_lobe(path, light, None);
-                context.record.add(Part::Direct, light, arriving);
-                *radiance += context.tint() * arriving;
-            }
-        }
-    }
-
-    /// At a surface with a delta lobe and others, chance decides whether the path goes on along the delta lobe, or
-    /// whether only the other lobes count. Either way the delta lobe's sample is returned, for the light that it meets.
-    fn delta_or_rest(
-        &self,
-        path: &mut Path<V::Hidden>,
-        vertex: &mut Vertex<'_>,
-        radiance: &mut Rgb,
-        context: &mut PathContext<'_>,
-    ) -> Option<BsdfSample> {
-        let p = vertex.bsdf.delta_probability(vertex.local_wo);
-        let along = context.sampler.next_1d() < p;
-        let u = context.sampler.next_2d();
-        let mut delta = vertex.bsdf.sample(vertex.local_wo, 0.0, u, TransportMode::Radiance);
-        if let Some(delta) = &mut delta {
-            delta.weight *= p;
-        }
-        let rest = path.rest;
-        path.rest = if along { rest / p } else { 0.0 };
-        if !along {
-            vertex.bsdf = vertex.bsdf.without_delta();
-            let beta = path.beta * (rest / (1.0 - p));
-            if beta != Rgb::ZERO {
-                *radiance += context.tint() * self.scattered(vertex, beta, context);
-            }
-        }
-        path.share *= p;
-        path.track /= p;
-        delta
-    }
-
-    /// Weight of a light that the path has met, if light was sampled at the lobe that it last followed. `hit`: on an
-    /// area light.
-    fn share_of_lobe(&self, path: &Path<V::Hidden>, light: usize, hit: Option<&SurfaceHit>) -> f32 {
-        let Some(lobe) = &path.drawn else {
-            return 1.0;
-        };
-        let scene = self.scene;
-        let shadow = self.mask.from(Start::Shadow(lobe.object));
-        if self.mask.links_shadows(light) || self.mask.hides_light(shadow, light) {
-            return 0.0;
-        }
-        let hit = hit.map(|hit| LightHit {
-            normal: hit.ng,
-            primitive: hit.primitive,
-            distance: lobe.distance,
-        });
-        let dir = path.ray.dir;
-        let by_power = self.mask.selector(self.aimed_at(), lobe.object);
-        let choice = scene.light_sources.choice_at(lobe.point, None, by_power);
-        let samples = choice.samples_of(light);
-        if samples == 0.0 {
-            return 1.0;
-        }
-        let pdf = scene.lights()[light].pdf_direct(scene.objects(), lobe.point, dir, hit);
-        power_heuristic(lobe.density, pdf * samples)
-    }
-
-    /// Takes the path through a medium, up to `length`: leaves a segment for beams, adds what is scattered there, and
-    /// attenuates the path.
-    fn cross_medium(&self, path: &mut Path<V::Hidden>, id: u16, length: f32, context: &mut PathContext<'_>) -> Rgb {
-        let properties = &self.scene.media()[id as usize];
-        let ray = path.ray;
-        if path.beta == Rgb::ZERO || path.rest == 0.0 || !properties.scatters() {
-            path.beta *= properties.transmittance(&ray, length, &mut context.sampler);
-            return Rgb::ZERO;
-        }
-        let beta = path.beta * path.rest;
-        let serves_all = self.estimators().is_by_beams(id);
-        if serves_all || self.estimators().leave_beams() {
-            let segment = CameraSegment {
-                way: path.way,
-                ..CameraSegment::new(ray, length, beta, id)
-            };
-            path.beta *= self.leave_segment(segment, context);
-        } else {
-            // One of two events: the path passes, or is scattered.
-            return match properties.sample_flight(&ray, length, beta, &mut context.sampler) {
-                Flight::Passed { weight } => {
-                    path.beta *= weight;
-                    Rgb::ZERO
-                }
-                Flight::Scattered { distance, weight } => {
-                    path.beta = Rgb::ZERO;
-                    self.scattered_at(&ray, id, distance, (beta, weight), context)
-                }
-            };
-        }
-        if !serves_all {
-            return self.scattered_in_medium(&ray, id, length, beta, context);
-        }
-        match properties {
-            Medium::Homogeneous(medium) => {
-                let range = length.min(medium.reach());
-                self.single_scattering(&ray, range, (id, medium), beta, context)
-            }
-            Medium::Heterogeneous(_) => Rgb::ZERO,
-        }
-    }
-
-    /// Light that a medium without beams scatters into the ray within `length`.
-    fn scattered_in_medium(&self, ray: &Ray, id: u16, length: f32, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
-        let medium = &self.scene.media()[id as usize];
-        let Flight::Scattered { distance, weight } = medium.sample_flight(ray, length, beta, &mut context.sampler)
-        else {
-            return Rgb::ZERO;
-        };
-        self.scattered_at(ray, id, distance, (beta, weight), context)
-    }
-
-    /// Light scattered into the ray at a distance that was drawn with this weight.
-    fn scattered_at(
-        &self,
-        ray: &Ray,
-        id: u16,
-        distance: f32,
-        (beta, weight): (Rgb, Rgb),
-        context: &mut PathContext<'_>,
-    ) -> Rgb {
-        let (direct, indirect) = (true, true);
-        let mut walk = Walk {
-            ray: *ray,
-            medium: Some(id),
-            hidden: self.mask.from(Start::Gather),
-            beta: beta * weight,
-            track: weight,
-            drawn: None::<Drawn>,
-            behind: None,
-            wanted: Wanted { direct, indirect },
-            depth: 0,
-        };
-        let before = context.record.enter_volume();
-        let mut radiance = self.scatter_in_medium(&mut walk, id, distance, context);
-        if walk.survives(self.plan.patience, &mut context.sampler) {
-            radiance += self.walk(walk, context);
-        }
-        context.record.leave_volume(before);
-        radiance
-    }
-
-    /// Go both of two ways: the likelier one is returned, and the other waits. If the less likely way is not
-    /// worthwhile, choose one of them by chance.
-    fn split(
-        &self,
-        path: &mut Path<V::Hidden>,
-        vertex: &Vertex,
-        ways: [BsdfSample; 2],
-        branches: &mut Branches<V::Hidden>,
-        sampler: &mut Sampler,
-    ) -> Option<BsdfSample> {
-        let [mut strong, mut weak] = ways;
-        if weak.pdf > strong.pdf {
-            (strong, weak) = (weak, strong);
-        }
-        if path.share * weak.pdf < MIN_SHARE || branches.splits == self.plan.splits {
-            let is_weak = weak.pdf > 0.0 && sampler.next_1d() < weak.pdf;
-            return Some(if is_weak { weak } else { strong });
-        }
-        branches.splits += 1;
-        let mut other = *path;
-        for (path, way) in [(&mut other, &mut weak), (path, &mut strong)] {
-            path.share *= way.pdf;
-            path.track /= way.pdf;
-            way.weight *= way.pdf;
-            // Look for the rest with a probability in proportion to the branch's share, weighted by the inverse.
-            let (had, has) = (1.0 / path.rest, (path.share / FULL_SHARE).min(1.0));
-            if path.rest > 0.0 && has < had {
-                path.rest = if sampler.next_1d() < has / had { 1.0 / has } else { 0.0 };
-            }
-        }
-        if other.turn(vertex, &weak, self.scene, self.mask, sampler) {
-            branches.waiting.push(other);
-        }
-        Some(strong)
-    }
-}
-
-impl<H> Path<H> {
-    /// Russian roulette: the path goes on with the probability `q`.
-    fn survives(&mut self, q: f32, sampler: &mut Sampler) -> bool {
-        let survived = roulette::survives(q, self.depth, sampler);
-        if let Some(q) = survived {
-            self.beta /= q;
-            self.track /= q;
-        }
-        survived.is_some()
-    }
-
-    /// Leave a surface in a sampled direction. Returns false if the path ends.
-    fn turn(
-        &mut self,
-        vertex: &Vertex,
-        sample: &BsdfSample,
-        scene: &Scene,
-        mask: impl VisibilityMask<Hidden = H>,
-        sampler: &mut Sampler,
-    ) -> bool {
-        let hit: &SurfaceHit = vertex.hit;
-        let wi = vertex.frame.to_world(sample.wi).normalize();
-        if vertex.bump_shadowing.is_some() && sample.wi.z * hit.ng.dot(wi) <= 0.0 {
-            return false;
-        }
-        if sample.transmitted {
-            self.medium = scene.medium_beyond(hit, wi, self.medium);
-        }
-        self.beta *= vertex.weight(sample);
-        self.track *= sample.weight;
-        if sample.transmitted {
-            // The compression of radiance by refraction comes and goes along the path.
-            let eta = vertex
-                .material
-                .eta_of_crossing(hit.ng.dot(self.ray.dir) > 0.0, self.wave);
-            self.track /= eta * eta;
-        }
-        self.depth += 1;
-        self.is_blurred |= !sample.delta;
-        if sample.delta {
-            let q = match self.is_blurred {
-                true => roulette::FACTOR * self.track.max_element(),
-                // A sharp path has no noise but that of roulette, which comes late and depends on the reflectance
-                // alone.
-                false if self.depth > roulette::DEPTH_OF_DELTAS => sample.weight.max_element(),
-                false => 1.0,
-            };
-            if !self.survives(q, sampler) {
-                return false;
-            }
-        }
-        self.drawn = (!sample.delta).then_some(Lobe {
-            point: hit.point,
-            density: sample.pdf,
-            distance: 0.0,
-            object: hit.object,
-        });
-        self.ray = hit.spawn_ray(wi);
-        self.hidden = mask.from(match sample.transmitted {
-            true => Start::Refracted(hit.object),
-            false => Start::Reflected(hit.object),
-        });
-        self.way = self.way.then(match sample.transmitted {
-            true => Turn::Refracted,
-            false => Turn::Reflected,
-        });
-        self.beta.max_element() > 0.0
     }
 }

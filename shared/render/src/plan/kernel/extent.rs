@@ -1,6 +1,6 @@
 //! How much of a scene the camera sees: a room's kernels suit the room, however large the building is.
 
-use crate::math::{Ray, Vec2, Vec3};
+use crate::math::{Ray, Vec3};
 use crate::world::Scene;
 
 /// Rays along each side of the image.
@@ -37,13 +37,7 @@ fn seen(scene: &Scene, side: usize) -> (Vec3, f32) {
     let rules = scene.description().rules.as_ref();
     let is_passed = |object: u32| scene.passable[object as usize] || rules.is_some_and(|r| r.hides(r.camera, object));
     let (mut met, mut left) = (Vec::new(), Vec::new());
-    for i in 0..side * side {
-        let at = Vec2::new((i % side) as f32, (i / side) as f32) + 0.5;
-        let image = at / side as f32 * Vec2::new(camera.width as f32, camera.height as f32);
-        if !camera.sees(image) {
-            continue;
-        }
-        let ray = camera.ray(image, Vec2::splat(0.5));
+    for ray in camera.rays_over_image(side) {
         let hit = scene.meets(&ray, f32::INFINITY, &is_passed);
         match hit {
             Some(hit) if !scene.material(&hit).is_black_at(&hit.at) => met.push(hit.point),

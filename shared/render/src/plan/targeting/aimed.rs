@@ -386,16 +386,11 @@ mod tests {
             radius: 5.0,
         };
         let object = Object {
-            name: String::new(),
-            shape: Shape::Disc {
+            light: Some(0),
+            ..Object::new(Shape::Disc {
                 placement: Placement::IDENTITY,
                 flip: false,
-            },
-            material: 0,
-            boundary: None,
-            light: Some(0),
-            priority: None,
-            space: None,
+            })
         };
         let frame = Frame::from_normal(Vec3::Z);
         let laser = |profile| {

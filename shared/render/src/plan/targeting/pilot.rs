@@ -158,19 +158,15 @@ impl<V: VisibilityMask> Pilot<'_, V> {
             let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
             if let Some(id) = path.medium {
                 let medium = &scene.media()[usize::from(id)];
-                if !medium.scatters() {
-                    path.beta *= medium.transmittance(&path.ray, length, sampler);
-                } else {
-                    match medium.sample_flight(&path.ray, length, path.beta, sampler) {
-                        Flight::Passed { weight } => path.beta *= weight,
-                        Flight::Scattered { distance, weight } => {
-                            path.beta *= weight;
-                            self.scatter_in_medium(&mut path, id, distance, sampler, out);
-                            if !path.survives(sampler) {
-                                return path.tries;
-                            }
-                            continue;
+                match medium.sample_way(&path.ray, length, path.beta, sampler) {
+                    Flight::Passed { weight } => path.beta *= weight,
+                    Flight::Scattered { distance, weight } => {
+                        path.beta *= weight;
+                        self.scatter_in_medium(&mut path, id, distance, sampler, out);
+                        if !path.survives(sampler) {
+                            return path.tries;
                         }
+                        continue;
                     }
                 }
             }

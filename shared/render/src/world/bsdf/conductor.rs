@@ -4,7 +4,6 @@ use super::energy::Losses;
 use super::microfacet::Facets;
 use super::{BsdfSample, Distribution, half_vector, lit_side, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
-use crate::warp;
 use crate::world::fresnel::fresnel_conductor;
 
 /// Microfacet conductor, looked up at a hit.
@@ -79,12 +78,11 @@ impl RoughConductor {
             return 0.0;
         }
         let facets = self.facets();
-        let once = facets.reflection_pdf(wo, half_vector(wo, wi));
         match self.mean_fresnel {
-            None => once,
+            None => facets.reflection_pdf(wo, half_vector(wo, wi)),
             Some(mean_fresnel) => {
                 let p = self.probability(&Losses::of(facets), mean_fresnel, wo);
-                p * once + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z.abs())
+                facets.pdf_over_diffuse(p, wo, wi)
             }
         }
     }
@@ -113,10 +111,8 @@ impl RoughConductor {
     /// Samples the single-bounce and the multiple-bounce lobe. `wo` is on the front.
     fn sample_all(&self, wo: Vec3, sign: f32, mean_fresnel: Rgb, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let facets = self.facets();
-        let wi = match u_lobe < self.probability(&Losses::of(facets), mean_fresnel, wo) {
-            true => facets.sample_reflection(wo, u)?,
-            false => warp::cosine_hemisphere(u),
-        };
+        let p = self.probability(&Losses::of(facets), mean_fresnel, wo);
+        let wi = facets.sample_over_diffuse(p, wo, u_lobe, u)?;
         BsdfSample::in_lobe(wo * sign, wi * sign, self.pdf(wo, wi), || self.eval(wo, wi))
     }
 }

@@ -4,8 +4,9 @@
 //! All functions take directions in the local frame. Masking and shadowing are Smith's, uncorrelated unless noted: G =
 //! G1(wo) G1(wi).
 
-use super::{beckmann, ggx};
+use super::{beckmann, ggx, half_vector};
 use crate::math::{Vec2, Vec3};
+use crate::warp;
 
 /// Lower roughness would cost single precision its digits.
 pub(super) const MIN_ALPHA: f32 = 1e-3;
@@ -142,5 +143,21 @@ impl Facets {
     #[inline]
     pub fn reflection_pdf(&self, wo: Vec3, m: Vec3) -> f32 {
         self.density(m) / (2.0 * self.extent(wo))
+    }
+
+    /// Facets over a diffuse lobe: a direction, if the facets are chosen with the probability `p`. `wo.z > 0`; `u_lobe`
+    /// chooses the lobe. None: the light would need a second bounce.
+    #[inline]
+    pub fn sample_over_diffuse(&self, p: f32, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<Vec3> {
+        match u_lobe < p {
+            true => self.sample_reflection(wo, u),
+            false => Some(warp::cosine_hemisphere(u)),
+        }
+    }
+
+    /// Density of [`Self::sample_over_diffuse`], for directions on the same side.
+    #[inline]
+    pub fn pdf_over_diffuse(&self, p: f32, wo: Vec3, wi: Vec3) -> f32 {
+        p * self.reflection_pdf(wo, half_vector(wo, wi)) + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z.abs())
     }
 }

@@ -7,7 +7,7 @@ use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::warp;
 use crate::world::fresnel::{fresnel_dielectric, mean_fresnel};
 
-/// A smooth coat.
+/// A coat as its base sees it: how light comes back from between the two. A smooth coat is no more than that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coat {
     eta: f32,
@@ -17,8 +17,8 @@ pub struct Coat {
 }
 
 impl Coat {
-    /// `eta`: index of refraction inside over the one outside. `nonlinear`: the bounces between base and coat take on
-    /// the base's colour; otherwise they leave it unchanged.
+    /// A smooth one. `eta`: index of refraction inside over the one outside. `nonlinear`: the bounces between base and
+    /// coat take on the base's colour; otherwise they leave it unchanged.
     pub fn new(eta: f32, nonlinear: bool) -> Self {
         Self {
             eta,
@@ -41,15 +41,20 @@ impl Coat {
     pub fn is_nonlinear(&self) -> bool {
         self.nonlinear
     }
-}
 
-/// The base's contribution without the coat's transmittances: pi times its value.
-fn base(reflectance: Rgb, internal: f32, eta: f32, nonlinear: bool) -> Rgb {
-    let returned = match nonlinear {
-        true => reflectance * internal,
-        false => Rgb::splat(internal),
-    };
-    reflectance / ((Rgb::ONE - returned) * (eta * eta))
+    /// The base's contribution without the coat's transmittances: pi times its value.
+    fn base(&self, reflectance: Rgb) -> Rgb {
+        let returned = match self.nonlinear {
+            true => reflectance * self.internal,
+            false => Rgb::splat(self.internal),
+        };
+        reflectance / ((Rgb::ONE - returned) * (self.eta * self.eta))
+    }
+
+    /// Albedo over [`Self::base`], for light that has entered.
+    fn escape(&self) -> f32 {
+        (1.0 - self.internal) * (self.eta * self.eta)
+    }
 }
 
 /// A smooth coat over a diffuse base.
@@ -69,9 +74,9 @@ impl Plastic {
     pub(super) fn new(coat: &Coat, reflectance: Rgb, specular: Rgb, two_sided: bool) -> Self {
         Self {
             eta: coat.eta,
-            base: base(reflectance, coat.internal, coat.eta, coat.nonlinear),
+            base: coat.base(reflectance),
             specular,
-            escape: (1.0 - coat.internal) * (coat.eta * coat.eta),
+            escape: coat.escape(),
             two_sided,
             mirrors: true,
         }
@@ -151,12 +156,9 @@ const COSINES: usize = 64;
 #[derive(Clone, Debug)]
 pub struct RoughCoat {
     facets: Facets,
-    eta: f32,
     /// From outside to the base, over all microfacets, at cosines equidistant from 0 to 1.
     transmittance: [f32; COSINES],
-    /// Share of the base's light that the coat sends back to the base.
-    internal: f32,
-    nonlinear: bool,
+    seen_from_base: Coat,
 }
 
 impl RoughCoat {
@@ -173,10 +175,12 @@ impl RoughCoat {
         let internal = 2.0 * (0..COSINES).map(reflected).sum::<f32>() / COSINES as f32;
         Self {
             facets,
-            eta,
             transmittance,
-            internal,
-            nonlinear,
+            seen_from_base: Coat {
+                eta,
+                internal,
+                nonlinear,
+            },
         }
     }
 
@@ -190,19 +194,9 @@ impl RoughCoat {
         self.facets.distribution
     }
 
-    /// Index of refraction inside over the one outside.
-    pub fn eta(&self) -> f32 {
-        self.eta
-    }
-
-    /// Share of the base's light that the coat sends back to the base.
-    pub fn internal(&self) -> f32 {
-        self.internal
-    }
-
-    /// Whether the bounces between base and coat take on the base's colour.
-    pub fn is_nonlinear(&self) -> bool {
-        self.nonlinear
+    /// How light comes back from between the coat and its base.
+    pub fn seen_from_base(&self) -> &Coat {
+        &self.seen_from_base
     }
 
     /// Share of the light from outside that reaches the base, at cosines equidistant from 0 to 1.
@@ -280,7 +274,7 @@ impl<'a> RoughPlastic<'a> {
     pub(super) fn new(coat: &'a RoughCoat, reflectance: Rgb, specular: Rgb, two_sided: bool) -> Self {
         Self {
             coat,
-            base: base(reflectance, coat.internal, coat.eta, coat.nonlinear),
+            base: coat.seen_from_base.base(reflectance),
             specular,
             two_sided,
         }
@@ -293,16 +287,15 @@ impl<'a> RoughPlastic<'a> {
         }
         let facets = &self.coat.facets;
         let m = half_vector(wo, wi);
-        let fresnel = fresnel_dielectric(wo.dot(m).abs().min(1.0), self.coat.eta).0;
+        let fresnel = fresnel_dielectric(wo.dot(m).abs().min(1.0), self.coat.seen_from_base.eta).0;
         let d = facets.density(m) / (facets.extent(wo) * facets.extent(wi));
         let entered = self.coat.transmittance(wo.z.abs()) * self.coat.transmittance(wi.z.abs());
         self.specular * (fresnel * d) + self.base * (entered * std::f32::consts::FRAC_1_PI)
     }
 
     pub(super) fn albedo(&self) -> Rgb {
-        let coat = self.coat;
-        let transmitted = coat.transmittance(1.0);
-        let escape = (1.0 - coat.internal) * (coat.eta * coat.eta);
+        let transmitted = self.coat.transmittance(1.0);
+        let escape = self.coat.seen_from_base.escape();
         self.specular * (1.0 - transmitted) + self.base * (escape * transmitted)
     }
 
@@ -345,19 +338,15 @@ impl<'a> RoughPlastic<'a> {
             return 0.0;
         }
         let p = self.specular_probability(wo);
-        p * self.coat.facets.reflection_pdf(wo, half_vector(wo, wi))
-            + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z.abs())
+        self.coat.facets.pdf_over_diffuse(p, wo, wi)
     }
 
     #[inline(never)]
     pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let sign = lit_side(wo, self.two_sided)?;
         let wo = wo * sign;
-        let wi = if u_lobe < self.specular_probability(wo) {
-            self.coat.facets.sample_reflection(wo, u)?
-        } else {
-            warp::cosine_hemisphere(u)
-        };
+        let p = self.specular_probability(wo);
+        let wi = self.coat.facets.sample_over_diffuse(p, wo, u_lobe, u)?;
         BsdfSample::in_lobe(wo * sign, wi * sign, self.pdf(wo, wi), || self.eval(wo, wi))
     }
 }

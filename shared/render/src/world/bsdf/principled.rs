@@ -8,7 +8,6 @@ use super::microfacet::{Facets, MIN_ALPHA};
 use super::microfibers::Fuzz;
 use super::{BsdfFlags, BsdfSample, Distribution, Subsurface, half_vector, lit_side, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
-use crate::warp;
 use crate::world::fresnel::{fresnel_dielectric, schlick_weight};
 use crate::world::scalar::Scalar;
 use crate::world::texture::{Texture, TexturePoint};
@@ -333,19 +332,15 @@ impl Principled {
         if !reflects(wo, wi, self.two_sided) {
             return 0.0;
         }
-        let p = self.specular_probability(wo);
-        p * self.facets().reflection_pdf(wo, half_vector(wo, wi)) + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z.abs())
+        self.facets().pdf_over_diffuse(self.specular_probability(wo), wo, wi)
     }
 
     #[inline(never)]
     pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let sign = lit_side(wo, self.two_sided)?;
         let wo = wo * sign;
-        let wi = if u_lobe < self.specular_probability(wo) {
-            self.facets().sample_reflection(wo, u)?
-        } else {
-            warp::cosine_hemisphere(u)
-        };
+        let p = self.specular_probability(wo);
+        let wi = self.facets().sample_over_diffuse(p, wo, u_lobe, u)?;
         BsdfSample::in_lobe(wo * sign, wi * sign, self.pdf(wo, wi), || self.eval(wo, wi))
     }
 }

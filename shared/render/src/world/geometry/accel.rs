@@ -379,15 +379,7 @@ mod tests {
                     placement,
                 },
             };
-            Object {
-                name: String::new(),
-                shape,
-                material: 0,
-                boundary: None,
-                light: None,
-                priority: None,
-                space: None,
-            }
+            Object::new(shape)
         };
         let objects: Vec<Object> = (0..300).map(object).collect();
         let geometry = Geometry::new(&objects);
@@ -483,18 +475,10 @@ mod tests {
                     },
                     false => Placement::IDENTITY,
                 };
-                let objects = [Object {
-                    name: String::new(),
-                    shape: Shape::Mesh {
-                        mesh: Arc::new(mesh),
-                        placement,
-                    },
-                    material: 0,
-                    boundary: None,
-                    light: None,
-                    priority: None,
-                    space: None,
-                }];
+                let objects = [Object::new(Shape::Mesh {
+                    mesh: Arc::new(mesh),
+                    placement,
+                })];
                 let geometry = Geometry::new(&objects);
                 for near in [1e-5f32, 1e-3, 0.5] {
                     for axis in 0..3 {
@@ -539,15 +523,7 @@ mod tests {
             ..Mesh::default()
         });
         assert!(mesh.triangles.len() >= LARGE);
-        let object = |shape| Object {
-            name: String::new(),
-            shape,
-            material: 0,
-            boundary: None,
-            light: None,
-            priority: None,
-            space: None,
-        };
+        let object = Object::new;
         let with_ball_at = |x: f32| {
             let centre = Vec3::new(x, 0.4, 0.0);
             let ball = Shape::Sphere {

@@ -50,6 +50,21 @@ pub struct Object {
     pub space: Option<Arc<Space>>,
 }
 
+impl Object {
+    /// A shape without a name, of the scene's first material, and nothing else.
+    pub fn new(shape: Shape) -> Self {
+        Self {
+            name: String::new(),
+            shape,
+            material: 0,
+            boundary: None,
+            light: None,
+            priority: None,
+            space: None,
+        }
+    }
+}
+
 /// The media on the sides of a surface. Inside is the side that the geometric normal points away from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Boundary {

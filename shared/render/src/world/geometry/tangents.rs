@@ -277,15 +277,7 @@ mod tests {
             },
         ] {
             let disc = matches!(shape, Shape::Disc { .. });
-            let objects = [Object {
-                name: String::new(),
-                shape,
-                material: 0,
-                boundary: None,
-                light: None,
-                priority: None,
-                space: None,
-            }];
+            let objects = [Object::new(shape)];
             let geometry = Geometry::new(&objects);
             let along = placement
                 .render_from_object

@@ -85,16 +85,11 @@ mod tests {
 
     fn disc(degrees: f64, two_sided: bool) -> (Vec<Object>, Light) {
         let object = Object {
-            name: String::new(),
-            shape: Shape::Disc {
+            light: Some(0),
+            ..Object::new(Shape::Disc {
                 placement: Placement::IDENTITY,
                 flip: false,
-            },
-            material: 0,
-            boundary: None,
-            light: Some(0),
-            priority: None,
-            space: None,
+            })
         };
         let light = Light {
             name: String::new(),

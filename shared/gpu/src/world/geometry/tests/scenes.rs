@@ -56,12 +56,7 @@ impl Scene {
         }
         self.objects.push(Object {
             name: format!("object {}", self.objects.len()),
-            shape,
-            material: 0,
-            boundary: None,
-            light: None,
-            priority: None,
-            space: None,
+            ..Object::new(shape)
         });
     }
 

@@ -11,18 +11,10 @@ fn object(strands: Strands, map: Affine3A) -> [Object; 1] {
         render_from_object: map,
         object_from_render: map.inverse(),
     };
-    [Object {
-        name: String::new(),
-        shape: Shape::Strands {
-            strands: Arc::new(strands),
-            placement,
-        },
-        material: 0,
-        boundary: None,
-        light: None,
-        priority: None,
-        space: None,
-    }]
+    [Object::new(Shape::Strands {
+        strands: Arc::new(strands),
+        placement,
+    })]
 }
 
 fn hit(geometry: &Geometry, objects: &[Object], ray: &Ray) -> Option<SurfaceHit> {

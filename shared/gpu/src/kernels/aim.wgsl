@@ -1,35 +1,35 @@
-// Photons that start through discs, where camera paths have found their light: the renderer's `plan/targeting`, in its
-// order. `trace/aims.rs` has the same structs.
+// Photons aimed at discs where camera paths found their light. Matches the renderer's `plan/targeting` operation for
+// operation; same structs as in `world/aims.rs`.
 
 struct Aim {
     // Share of photons that start as the light emits them.
     plain: f32,
-    // The discs of the light; none: its photons are not aimed.
+    // The light's discs; count 0: its photons are not aimed.
     first: u32,
     count: u32,
-    // Of the discs' hierarchy, among `nodes`.
+    // Root of the discs' BVH in `nodes`.
     root: u32,
-    // W/sr of a point, and of a spot on its axis; of light from one direction its fluence times its density; radiance
-    // of surfaces and of what is all around.
+    // W/sr of a point light, and of a spot on its axis; for light from one direction, its fluence times its density;
+    // radiance of surfaces and environments.
     emitted: vec3f,
-    // Density of directions per solid angle, where it is the same for all.
+    // Density of directions per solid angle, if constant.
     own_pdf: f32,
-    // Share of aimed photons from all around that have the light's own directions.
+    // Share of an environment's aimed photons that use the light's own directions.
     own_directions: f32,
 }
 
 struct AimDisc {
     center: vec3f,
     radius: f32,
-    // Faces the light.
+    // Unit vector towards the light.
     normal: vec3f,
-    // Of the cone of directions to a light from afar.
+    // Cosine of the half angle of the cone of directions to a distant light.
     cos_spread: f32,
-    // Probability of the disc over its area.
+    // Probability of choosing the disc, over its area.
     density: f32,
-    // Probability of it and those before it.
+    // Probability of this disc and those before it.
     sum: f32,
-    // By 1 - cos: the cone; and its density per solid angle times the share of directions that are drawn from it.
+    // The cone as 1 - cos; its density per solid angle, times the share of directions drawn from it.
     cone: f32,
     cone_pdf: f32,
 }
@@ -37,26 +37,26 @@ struct AimDisc {
 @group(0) @binding(60) var<storage, read> aims: array<Aim>;
 @group(0) @binding(61) var<storage, read> aim_discs: array<AimDisc>;
 
-// Share of directions that are drawn from the whole hemisphere.
+// Share of directions drawn from the whole hemisphere.
 const WIDE_DIRECTIONS: f32 = 0.3f;
 
 fn is_aimed(light: u32) -> bool { return aims[light].count > 0u; }
 
-// What a ray was drawn through: a disc, or NOTHING; and its direction in the disc's cone.
+// The disc that a ray was drawn through, or NOTHING; and whether its direction came from the disc's cone.
 struct Drawn { disc: u32, is_in_cone: bool }
 
-// Where a ray meets the disc's plane, and the cosine of its angle there, positive in front.
+// Distance at which a ray meets the disc's plane, and the cosine to its normal, positive in front.
 fn disc_crossing(disc: u32, ray: Ray) -> vec2f {
     let normal = aim_discs[disc].normal;
     let cosine = -dot3(normal, ray.dir);
     return vec2f(quotient(dot3(normal, ray.origin - aim_discs[disc].center), cosine), cosine);
 }
 
-// Sums over discs whose fronts a ray meets.
+// Sums over the discs whose fronts a ray meets.
 struct AimDensity {
     // Per solid angle from the ray's origin.
     from_point: f32,
-    // Per area across the ray; and with directions that are drawn at the disc, per solid angle as well.
+    // Per area across the ray; `of_line` also per solid angle, with directions drawn at the disc.
     of_point: f32,
     of_line: f32,
 }
@@ -70,7 +70,7 @@ fn add_disc(sums: ptr<function, AimDensity>, disc: u32, t: f32, cosine: f32, is_
     (*sums).of_line += density * directions;
 }
 
-// Those along a ray, and last what it was drawn through: rounding may put it beside that.
+// The disc that the ray was drawn through is added unconditionally, and last: rounding may make the ray miss it.
 fn density_along(aim: Aim, ray: Ray, drawn: Drawn) -> AimDensity {
     var sums = AimDensity(0.0, 0.0, 0.0);
     let space = space_of(ray.origin, ray.dir);
@@ -105,16 +105,16 @@ fn is_from_afar(light: Light) -> bool {
     return light.kind == DIRECTIONAL || light.kind == SUN || light.kind == ENVIRONMENT || light.kind == ENVIRONMENT_MAP;
 }
 
-// Cosine of the angle to a surface's normal, zero on a side that does not emit.
+// Cosine to a surface's normal, zero on a side that does not emit.
 fn cosine_at(light: Light, start: Emission) -> f32 {
     let cosine = dot3(start.normal, start.dir);
     return select(not_below_zero(cosine), abs(cosine), light.kind == TWO_SIDED_AREA);
 }
 
-// Of a light that emits by an image: its own density of a direction of travel.
+// An image environment's own density for a direction of travel.
 fn own_map_pdf(light: Light, dir: vec3f) -> f32 { return map_pdf(light, place_on_map(light, -dir)); }
 
-// Density of a start, per solid angle, of light from afar times that per area across the ray; and the latter alone.
+// Density of a start: per solid angle, and for distant light also per area across the ray; then the latter alone.
 fn mixture_density(number: u32, light: Light, start: Emission, drawn: Drawn) -> vec2f {
     let aim = aims[number];
     var ray = Ray(start.origin, start.dir);
@@ -122,7 +122,7 @@ fn mixture_density(number: u32, light: Light, start: Emission, drawn: Drawn) -> 
     var own_point = 0.0;
     let is_afar = is_from_afar(light);
     if (is_afar) {
-        // Lines go through discs, which may reach out of the bounds.
+        // Discs may reach out of the bounds, so the line starts before them.
         ray.origin = ray.origin + ray.dir * (-2.0 * light.radius);
         own_point = light.pdf_pos;
         if (light.kind == ENVIRONMENT_MAP) { own_pdf = own_map_pdf(light, start.dir); }
@@ -152,7 +152,7 @@ fn mixture_density(number: u32, light: Light, start: Emission, drawn: Drawn) -> 
     return vec2f(aim.plain * own_pdf + share * aimed_pdf, aim.plain * own_point + share * aimed_point);
 }
 
-// What a photon stands for, times the densities that it was drawn with.
+// A photon's power times the density it was drawn with; for surfaces, over the density of the point.
 fn emitted_along(aim: Aim, light: Light, start: Emission) -> vec3f {
     switch light.kind {
         case SPOT, SMOOTH_SPOT: { return spot_intensity(light, aim.emitted, start.dir); }
@@ -160,7 +160,7 @@ fn emitted_along(aim: Aim, light: Light, start: Emission) -> vec3f {
         case AREA, TWO_SIDED_AREA: {
             let cosine = cosine_at(light, start);
             if (!has_texture(light)) { return aim.emitted * quotient(cosine, start.pdf_pos); }
-            // As it was drawn: the radiance there times pi over the density, for each side.
+            // From the power it was drawn with: radiance times pi over the density, for each side.
             return start.power * quotient(cosine, select(1.0, 2.0, light.kind == TWO_SIDED_AREA) * 3.1415927f);
         }
         case ENVIRONMENT_MAP: { return map_value(light, place_on_map(light, -start.dir)) * light.power; }
@@ -168,7 +168,7 @@ fn emitted_along(aim: Aim, light: Light, start: Emission) -> vec3f {
     }
 }
 
-// The disc that a uniform number chooses: the first whose sum is beyond it, or the last.
+// Picks a disc by a uniform number: the first whose running sum exceeds it, or the last.
 fn chosen_disc(aim: Aim, u: f32) -> u32 {
     var low = aim.first;
     var high = aim.first + aim.count - 1u;
@@ -179,7 +179,7 @@ fn chosen_disc(aim: Aim, u: f32) -> u32 {
     return low;
 }
 
-// Where the start through a disc is, or no start: `plain` with a direction of its own.
+// A start through a disc; `is_there` is false if the light does not shine there.
 struct AimedStart { start: Emission, drawn: Drawn, is_there: bool }
 
 // `choice`: uniform in [0, 1).
@@ -216,8 +216,8 @@ fn aimed_start(aim: Aim, light: Light, plain: Emission, u: EmissionUniforms, cho
     return AimedStart(start, drawn, is_there && dot3(aim_discs[disc].normal, start.dir) < 0.0);
 }
 
-// A start by the mixture of what the light emits and what is aimed; of no power where there is none. `plain`: what the
-// light emits. `choice`: uniform in [0, 1).
+// Samples the mixture of plain and aimed emission; power 0: no photon starts. `plain`: a start as the light emits it.
+// `choice`: uniform in [0, 1).
 fn mixture_start(number: u32, light: Light, plain: Emission, u: EmissionUniforms, choice: f32) -> Emission {
     let aim = aims[number];
     var aimed = AimedStart(plain, Drawn(NOTHING, false), true);

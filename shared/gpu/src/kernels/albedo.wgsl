@@ -1,4 +1,4 @@
-// What a surface reflects and lets through of uniform light, about: its reflectance. The renderer's `bsdf/albedo.rs`.
+// Approximate albedo of a surface, reflection plus transmission, under uniform light. The renderer's `bsdf/albedo.rs`.
 
 fn least_with_one(v: vec3f) -> vec3f { return select(vec3f(1.0), v, v < vec3f(1.0)); }
 

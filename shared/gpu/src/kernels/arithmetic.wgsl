@@ -1,11 +1,11 @@
-// Quotients and roots as IEEE 754 rounds them, to nearest: `quotient` and `root`, by which all other functions divide.
-// These are a device's own where the self-test found them exact, or else those below, which mend what the device has by
-// an integer remainder: `Arithmetic` of `kernels.rs` says which. They are copied to hundreds of places, so they are short.
+// Division and square root, correctly rounded as in IEEE 754: everything else divides by `quotient` and `root`. They
+// call the native operations if the self-test found those exact, else `own_*`, which fix up the native result with an
+// integer remainder; see `Arithmetic` in `kernels.rs`. Inlined in hundreds of places, so kept short.
 
 const INFINITY: u32 = 0x7f800000u;
 const NOT_A_NUMBER: u32 = 0x7fc00000u;
 
-// A float that no compiler computes with beforehand.
+// A float that compilers cannot constant-fold.
 fn of_bits(u: u32) -> f32 { return bitcast<f32>(u); }
 
 fn native_quotient(a: f32, b: f32) -> f32 { return a / b; }
@@ -19,7 +19,7 @@ struct Parts {
     exponent: i32,
 }
 
-// Of a positive finite number, by its bits.
+// Of a positive finite number, given its bits.
 fn parts(u: u32) -> Parts {
     let is_denormal = u < 0x800000u;
     let shift = select(0u, countLeadingZeros(u) - 8u, is_denormal);
@@ -32,7 +32,7 @@ fn own_quotient(a: f32, b: f32) -> f32 {
     let sign = (ua ^ ub) & 0x80000000u;
     let aa = ua & 0x7fffffffu;
     let ab = ub & 0x7fffffffu;
-    // One is zero, infinite or no number.
+    // One of them is zero, infinite or NaN.
     if (aa - 1u >= INFINITY - 1u || ab - 1u >= INFINITY - 1u) {
         let is_none = aa > INFINITY || ab > INFINITY || aa == ab;
         let size = select(0u, INFINITY, aa == INFINITY || ab == 0u);
@@ -42,7 +42,7 @@ fn own_quotient(a: f32, b: f32) -> f32 {
     let pb = parts(ab);
     let divisor = bitcast<i32>(pb.mantissa);
     let less = u32(pa.mantissa < pb.mantissa);
-    // A quotient in [2^23, 2^24), by the device off by a few. What is left over is exact modulo 2^32, and small.
+    // The native quotient, in [2^23, 2^24), is off by a few. The remainder is exact modulo 2^32, and small.
     let fa = bitcast<f32>((pa.mantissa & 0x7fffffu) | ((150u + less) << 23u));
     let inverse = native_quotient(1.0, bitcast<f32>((pb.mantissa & 0x7fffffu) | 0x3f800000u));
     var q = u32(fa * inverse);
@@ -50,7 +50,7 @@ fn own_quotient(a: f32, b: f32) -> f32 {
     // 2^-23: the inverse is of a divisor in [1, 2).
     let off = i32(floor(f32(r) * (inverse * 0.00000011920929f)));
     r -= off * divisor;
-    // That is rounded, so that one may be left.
+    // `off` is rounded, so one may be left.
     let last = i32(r >= divisor) - i32(r < 0);
     r -= last * divisor;
     q = bitcast<u32>(bitcast<i32>(q) + off + last);
@@ -58,10 +58,10 @@ fn own_quotient(a: f32, b: f32) -> f32 {
     if (e >= 255) { return of_bits(sign | INFINITY); }
     if (e > 0) {
         q += u32(2 * r > divisor || (2 * r == divisor && (q & 1u) == 1u));
-        // A carry out of the mantissa goes to the exponent, and out of that to infinity.
+        // A carry out of the mantissa moves into the exponent, and from there to infinity.
         return of_bits(sign | ((u32(e - 1) << 23u) + q));
     }
-    // A denormal number: fewer bits are kept.
+    // A denormal result keeps fewer bits.
     let shift = u32(1 - e);
     if (shift > 24u) { return of_bits(sign); }
     let kept = q >> shift;
@@ -76,7 +76,7 @@ fn own_root(x: f32) -> f32 {
     if ((u << 1u) == 0u || u == INFINITY) { return x; }
     if (u > INFINITY) { return of_bits(NOT_A_NUMBER); }
     let p = parts(u);
-    // x = m 2^(2n) with m in [1, 4); a root in [2^23, 2^24), by the device off by a few.
+    // x = m 2^(2n) with m in [1, 4). The native root, in [2^23, 2^24), is off by a few.
     let odd = u32(p.exponent & 1) ^ 1u;
     let m = bitcast<f32>((p.mantissa & 0x7fffffu) | ((127u + odd) << 23u));
     var s = u32(native_root(m) * 8388608.0);
@@ -92,7 +92,7 @@ fn own_root(x: f32) -> f32 {
         r -= bitcast<i32>(2u * s + 1u);
         s += 1u;
     }
-    // Above s + 1/2, of which the square is no integer.
+    // Round up above s + 1/2: a tie is impossible, as (s + 1/2)^2 is no integer.
     s += u32(r > bitcast<i32>(s));
     let n = (p.exponent - 127 - i32(odd)) / 2;
     return of_bits((u32(n + 126) << 23u) + s);

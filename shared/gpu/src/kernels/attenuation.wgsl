@@ -1,11 +1,11 @@
-// What of a beam's light comes to a point of a segment and from there to its start, and how dense the medium is at the
-// point. Before `estimate.wgsl`; in scenes whose media are all the same everywhere `even_attenuation.wgsl` stands for it.
+// How much of a beam's light reaches a point of a segment, and from there the segment's start, times the density and
+// albedo at the point. Goes before `estimate.wgsl`; `even_attenuation.wgsl` replaces it if no medium's density varies.
 //
-// Where the density varies, transmittance is a function of the distance that takes steps: its value and the density
-// times length that is in closed form up to there, and the density of that from there on. A step is six words:
-// distance, value, depth, density.
+// Where the density varies, transmittance is a step function of distance. A step is six words: distance, value (RGB),
+// depth, density. The last two describe the part in closed form: its density times length up to the step, and its
+// density from there on.
 
-// By beam: the word at which its steps begin, and how many they are; and then the steps.
+// By beam the first word and the number of its steps, followed by the steps.
 @group(1) @binding(56) var<storage, read> beam_steps: array<u32>;
 @group(1) @binding(57) var<storage, read> segment_steps: array<u32>;
 
@@ -35,7 +35,7 @@ fn attenuation(segment: Segment, piece: Piece, medium: Scattering, t: f32, s: f3
             count = beam_steps[2u * piece.beam + 1u];
         }
         let distance = select(t, s, of_beam);
-        // How many are not beyond it.
+        // Binary search for the number of steps up to `distance`.
         var low = 0u;
         while (low < count) {
             let middle = (low + count) / 2u;

@@ -1,4 +1,4 @@
-// Photon beams and pieces of them, as `beams/mod.rs` lays them out.
+// Photon beams and their pieces, laid out as in `beams/mod.rs`.
 
 struct Beam {
     origin: vec3f,
@@ -8,14 +8,14 @@ struct Beam {
     power: vec3f,
     length: f32,
     extent: vec2f,
-    // The number of the medium; above WAVE_BITS the wavelength of its light, from 1 on; 0: none; and above
-    // LIGHT_GROUP_BITS the group of its light, likewise.
+    // Medium number; from WAVE_BITS on, the wavelength of its light, from 1 on, or 0 for none; from LIGHT_GROUP_BITS
+    // on, its light group, likewise.
     medium: u32,
-    // How many planes of walls are near it in the lowest bits, and above those the number of the first.
+    // Number of wall planes near it in the lowest bits; above them the index of the first.
     walls: u32,
 }
 
-// What a beam starts and ends on, by unit normals and what it is.
+// What a beam starts and ends on: unit normals and kinds.
 struct BeamEnds {
     start: vec3f,
     start_is: u32,
@@ -27,7 +27,7 @@ const ENDS_NOWHERE: u32 = 0u;
 const ENDS_ON_SURFACE: u32 = 1u;
 const ENDS_ON_BOUNDARY: u32 = 2u;
 
-// What is between two distances from a beam's origin, the first exclusive.
+// The part of a beam between two distances from its origin, `start` exclusive.
 struct Piece {
     origin: vec3f,
     start: f32,
@@ -36,17 +36,17 @@ struct Piece {
     power: vec3f,
     radius: f32,
     radius_slope: f32,
-    // Of the kernel, at either end.
+    // The larger kernel radius of its two ends.
     max_radius: f32,
     beam: u32,
-    // The number of the medium, and above that what stands near it; above WAVE_BITS as a beam.
+    // Medium number, then the wall flags below; from WAVE_BITS on as in `Beam`.
     medium: u32,
 }
 
 const MEDIUM_BITS: u32 = 0xffffu;
-// There are planes of walls near the beam.
+// Planes of walls are near the beam.
 const HAS_PLANES: u32 = 0x10000u;
-// The piece's kernel reaches behind one, of those that are no outer ones.
+// The piece's kernel reaches behind a plane that is not an outer one.
 const IS_WALLED: u32 = 0x20000u;
 const WAVE_BITS: u32 = 20u;
 const LIGHT_GROUP_BITS: u32 = 24u;
@@ -64,7 +64,7 @@ fn larger(a: f32, b: f32) -> f32 { return select(a, b, b > a); }
 
 fn smaller(a: f32, b: f32) -> f32 { return select(a, b, b < a); }
 
-// Around the kernel, with room for what rounding moves it by.
+// Box around the piece's kernel, with a margin for rounding.
 fn bounds_of(piece: Piece) -> Bounds {
     let a = piece.origin + piece.dir * piece.start;
     let b = piece.origin + piece.dir * piece.end;

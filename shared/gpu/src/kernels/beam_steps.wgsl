@@ -1,8 +1,7 @@
-// Where photon paths keep the transmittance along their beams in media whose density varies: by beam the word at which
-// its steps begin, and how many they are; and then the steps. In `trace.wgsl`; in scenes whose media are all the same
-// everywhere `no_beam_steps.wgsl` stands for it.
+// Stores the transmittance along photon beams where the density varies: by beam the first word and the number of its
+// steps, followed by the steps. Part of `trace.wgsl`; `no_beam_steps.wgsl` replaces it if no density varies.
 
-// By path: steps of its beams, then how many those before it have.
+// By path: the number of its beams' steps; after a prefix sum, the number in earlier paths.
 @group(1) @binding(16) var<storage, read_write> step_places: array<u32>;
 @group(1) @binding(17) var<storage, read> all_steps: array<u32>;
 @group(1) @binding(56) var<storage, read_write> beam_steps: array<u32>;

@@ -1,7 +1,7 @@
-// What surfaces do to light. `world/materials.rs` has the same struct.
+// Surface scattering. Same struct as in `world/materials.rs`.
 //
-// As in the renderer: directions are unit vectors in the local frame of a hit, z the shading normal; all leave the
-// surface. wo points to where the path comes from, wi to where it goes on. Values are per steradian and hold no cosine.
+// Directions are unit vectors in the local frame of a hit, z the shading normal, and point away from the surface: wo to
+// where the path comes from, wi to where it goes on. BSDF values are per steradian, without the cosine.
 
 const BLACK: u32 = 0u;
 const DIFFUSE: u32 = 1u;
@@ -17,7 +17,7 @@ const ROUGH_PLASTIC: u32 = 10u;
 const PRINCIPLED: u32 = 11u;
 const LAYERED: u32 = 12u;
 
-// Kinds that no object of the scene is made of are not compiled.
+// Kinds that the scene does not use are not compiled.
 const HAS_ROUGH_CONDUCTOR: bool = (SURFACES & (1u << 7u)) != 0u;
 const HAS_ROUGH_DIELECTRIC: bool = (SURFACES & (1u << 8u)) != 0u;
 const HAS_GLASS: bool = (SURFACES & ((1u << 2u) | (1u << 3u))) != 0u;
@@ -26,47 +26,45 @@ const HAS_ROUGH_PLASTIC: bool = (SURFACES & (1u << 10u)) != 0u;
 const HAS_PRINCIPLED: bool = (SURFACES & (1u << 11u)) != 0u;
 const HAS_LAYERED: bool = (SURFACES & (1u << 12u)) != 0u;
 
-// What a path carries: from the camera or from lights.
+// Transport mode: radiance from the camera, or flux from lights.
 const RADIANCE: u32 = 0u;
 const FLUX: u32 = 1u;
 
-// Bits of surfaces.
-// Otherwise the side that z points away from is black.
+// Material bits. Without TWO_SIDED, the side that z points away from is black.
 const TWO_SIDED: u32 = 1u;
 const IS_BECKMANN: u32 = 2u;
-// Of coats: bounces between base and coat take on the base's colour.
+// Of coats: inter-reflections between base and coat take on the base's colour.
 const IS_NONLINEAR: u32 = 4u;
-// Of layered ones: light may go through somewhere.
+// Of layered materials: transmission is possible somewhere.
 const LETS_THROUGH: u32 = 8u;
-// Groups of lobes that count: the reflection and what goes through, a further coat, what is beneath.
+// Active lobes: reflection and transmission; clearcoat; base.
 const GLOSS: u32 = 16u;
 const COAT: u32 = 32u;
 const BASE: u32 = 64u;
-// Of principled ones whose textures are not looked up yet: eta is the reflectance at normal incidence over 0.08.
+// Of principled materials before texture look-up: eta holds the reflectance at normal incidence over 0.08.
 const BY_SPECULAR: u32 = 128u;
-// One more group of lobes: what microfacets scatter more than once.
+// Another active lobe: multiple scattering among microfacets.
 const BOUNCES: u32 = 256u;
-// Of rough metal and principled ones: light is scattered as often as it takes.
+// Of rough metal, glass and principled materials: multiple scattering is on.
 const KEEPS_ENERGY: u32 = 512u;
 
 struct Material {
-    // Factor on what is reflected: the albedo of diffuse ones; of coats, pi times the value of the base but for the
-    // coats' transmittances; of principled ones the albedo of the base.
+    // Factor on reflection: the albedo of diffuse surfaces and principled bases; for coats, pi times the base's value
+    // without the coat's transmittances.
     reflectance: vec3f,
     kind: u32,
-    // Factor on what is transmitted; of coats, on what these reflect; of rough metal, what it reflects of diffuse light.
+    // Factor on transmission; for coats, on their reflection; for rough metal, its reflectance for diffuse light.
     transmittance: vec3f,
     bits: u32,
-    // Real part of the index; of dielectrics and coats the index inside over the one outside, three times.
+    // Real part of the index; for dielectrics and coats, the index inside over the one outside, three times.
     eta: vec3f,
-    // Of microfacets; of principled ones its square root.
+    // Of the microfacets; for principled surfaces its square root.
     roughness: f32,
-    // Imaginary part.
+    // Imaginary part of the index.
     k: vec3f,
-    // Of rough coats: where their transmittances are among the numbers of textures. Of what keeps its energy: where
-    // losses are.
+    // For rough coats: offset of their transmittances among the texels. With KEEPS_ENERGY: offset of the loss tables.
     table: u32,
-    // From dielectric 0 to metal 1; of coats, the share of the base's light that these send back to it.
+    // From 0, dielectric, to 1, metal; for coats, the share of the base's light that they reflect back to it.
     metallic: f32,
     spec_tint: f32,
     spec_trans: f32,
@@ -74,20 +72,20 @@ struct Material {
     sheen: f32,
     sheen_tint: f32,
     clearcoat: f32,
-    // Roughness of the further coat; before textures are looked up, its gloss.
+    // Clearcoat roughness; its gloss before texture look-up.
     coat_alpha: f32,
 }
 
 fn has_bits(m: Material, bits: u32) -> bool { return (m.bits & bits) != 0u; }
 
-// Flags of samples. None: absorbed.
+// Sample flags; 0: absorbed.
 const SAMPLED: u32 = 1u;
 const DELTA: u32 = 2u;
 const TRANSMITTED: u32 = 4u;
 
 struct BsdfSample {
     wi: vec3f,
-    // Density in solid angle; of a delta lobe the probability of having chosen it.
+    // Per solid angle; for a delta lobe, the probability of choosing it.
     pdf: f32,
     // f |cos(wi)| / pdf.
     weight: vec3f,
@@ -96,8 +94,8 @@ struct BsdfSample {
 
 fn absorbed() -> BsdfSample { return BsdfSample(vec3f(0.0), 0.0, vec3f(0.0), 0u); }
 
-// Reflectance of a boundary between dielectrics, and the cosine of the refracted ray. `eta`: index behind the boundary
-// over the one in front of it.
+// Fresnel reflectance between dielectrics, and the cosine of the refracted ray. `eta`: index behind the boundary over
+// the one in front.
 fn fresnel_dielectric(cos_i: f32, eta: f32) -> vec2f {
     if (eta == 1.0) { return vec2f(0.0, cos_i); }
     let cos2_t = 1.0 - quotient(1.0 - cos_i * cos_i, eta * eta);
@@ -110,9 +108,9 @@ fn fresnel_dielectric(cos_i: f32, eta: f32) -> vec2f {
     return vec2f(not_above_one(reflectance), cos_t);
 }
 
-// One channel of a conductor in vacuum.
+// One colour channel, from vacuum.
 fn fresnel_conductor_channel(cos_i: f32, eta: f32, k: f32) -> f32 {
-    // Keeps 0/0 of an index of zero finite.
+    // Avoids 0/0 for an index of zero.
     let tiny = of_bits(0x00800000u);
     let cos2 = cos_i * cos_i;
     let sin2 = not_below_zero(1.0 - cos2);
@@ -150,10 +148,10 @@ fn straight_on(wo: vec3f, weight: vec3f, pdf: f32) -> BsdfSample {
     return BsdfSample(-wo, pdf, weight, SAMPLED | DELTA | TRANSMITTED);
 }
 
-// Refraction into a side of relative index `eta`.
+// Refraction into the side of relative index `eta`.
 fn refracted(m: Material, wo: vec3f, eta: f32, cos_t: f32, pdf: f32, mode: u32) -> BsdfSample {
     let z = select(cos_t, -cos_t, wo.z > 0.0);
-    // Radiance is spread over fewer or more steradians; flux stays.
+    // Refraction scales radiance by 1 / eta^2; flux stays.
     var scale = 1.0;
     if (mode == RADIANCE) { scale = quotient(1.0, eta * eta); }
     let wi = unit_vector(vec3f(quotient(-wo.x, eta), quotient(-wo.y, eta), z));
@@ -168,7 +166,7 @@ fn sample_boundary(m: Material, wo: vec3f, u_lobe: f32, mode: u32) -> BsdfSample
     return refracted(m, wo, eta, fresnel.y, 1.0 - fresnel.x, mode);
 }
 
-// What bounces between the two sides of a sheet comes out where it went in.
+// A thin sheet: light inter-reflected between its sides leaves where it entered.
 fn sample_sheet(m: Material, wo: vec3f, u_lobe: f32) -> BsdfSample {
     let once = fresnel_dielectric(not_above_one(abs(wo.z)), m.eta.x).x;
     let reflectance = quotient(2.0 * once, 1.0 + once);
@@ -176,7 +174,7 @@ fn sample_sheet(m: Material, wo: vec3f, u_lobe: f32) -> BsdfSample {
     return straight_on(wo, m.transmittance, 1.0 - reflectance);
 }
 
-// Smooth glass: it reflects or lets through.
+// Smooth glass.
 fn is_glass(m: Material) -> bool { return m.kind == DIELECTRIC || m.kind == THIN_DIELECTRIC; }
 
 fn sample_glass(m: Material, wo: vec3f, u_lobe: f32) -> BsdfSample {
@@ -184,10 +182,10 @@ fn sample_glass(m: Material, wo: vec3f, u_lobe: f32) -> BsdfSample {
     return sample_boundary(m, wo, u_lobe, RADIANCE);
 }
 
-// Whether there is light on the side of wo.
+// Whether the side of wo scatters light.
 fn is_lit(m: Material, wo: vec3f) -> bool { return wo.z > 0.0 || (has_bits(m, TWO_SIDED) && wo.z < 0.0); }
 
-// Whether both directions are on one side, which reflects.
+// Whether both directions are on the same side, and that side reflects.
 fn reflects(m: Material, wo: vec3f, wi: vec3f) -> bool {
     return (wo.z > 0.0 && wi.z > 0.0) || (has_bits(m, TWO_SIDED) && wo.z < 0.0 && wi.z < 0.0);
 }

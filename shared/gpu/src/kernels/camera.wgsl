@@ -1,25 +1,25 @@
-// Rays of a pinhole or a thin lens, or parallel ones. `world/camera.rs` has the same struct.
+// Rays of a pinhole, thin-lens or orthographic camera. Same struct as in `world/camera.rs`.
 
 struct Camera {
     // Centre of the lens, or of the plane that parallel rays start on.
     position: vec3f,
     width: u32,
-    // To the right of the image.
+    // Right in the image.
     s: vec3f,
     height: u32,
     // Up.
     t: vec3f,
-    // Radius of the lens.
+    // Lens radius; 0: pinhole.
     aperture: f32,
     // Forward.
     n: vec3f,
     focus_distance: f32,
-    // The middle of the image, and the side of a pixel, on the plane at distance 1; of parallel rays in scene units.
+    // Image centre and pixel size, on the plane at distance 1; with parallel rays, in scene units.
     shift: vec2f,
     pixel: f32,
-    // Number of the medium that rays start in.
+    // Medium that rays start in.
     medium: u32,
-    // Rays are parallel, in focus or not.
+    // 1: orthographic, with depth of field if there is an aperture.
     is_parallel: u32,
 }
 
@@ -28,7 +28,7 @@ struct CameraRay {
     dir: vec3f,
 }
 
-// Through a point of the image, in pixels, (0, 0) the top left corner, y down. `lens`: in [0, 1)^2.
+// `image`: position in pixels, (0, 0) the top left corner, y down. `lens`: in [0, 1)^2.
 fn camera_ray(camera: Camera, image: vec2f, lens: vec2f) -> CameraRay {
     let frame = Frame(camera.s, camera.t, camera.n);
     let film = vec3f(
@@ -37,7 +37,7 @@ fn camera_ray(camera: Camera, image: vec2f, lens: vec2f) -> CameraRay {
         1.0,
     );
     let parallel = camera.is_parallel == 1u;
-    // Each point of an image by parallel rays has a lens of its own.
+    // With parallel rays, each image point has its own lens.
     let middle = select(vec3f(0.0), vec3f(film.xy, 0.0), parallel);
     if (camera.aperture == 0.0) {
         if (parallel) { return CameraRay(camera.position + to_world(frame, middle), camera.n); }

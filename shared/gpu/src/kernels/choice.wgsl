@@ -1,8 +1,7 @@
-// Which light, at a point. What `world/choice.rs` lays out, which has the same structs; functions are the renderer's of
-// `world/light/`, in its order.
+// Choice of a light at a point. Same structs as in `world/choice.rs`; functions match the renderer's `world/light/`
+// operation for operation.
 
-// Where a light shines: from afar, from all around or in one direction; everywhere, in a cone, before a plane, before
-// four planes.
+// Where a light shines: environment, distant, everywhere, in a cone, in front of a plane, in front of four planes.
 const ALL_AROUND: u32 = 0u;
 const FROM_AFAR: u32 = 1u;
 const EVERYWHERE: u32 = 2u;
@@ -10,91 +9,88 @@ const IN_CONE: u32 = 3u;
 const BEFORE_PLANE: u32 = 4u;
 const IN_PYRAMID: u32 = 5u;
 
-// A light reduced to what matters for choosing it, and what it emits.
+// A light, reduced to what matters for the choice, and its emission.
 struct LightSource {
-    // Middle of the light; of what is directional, the direction of travel.
+    // Centre of the light; for directional lights, the direction of travel.
     center: vec3f,
     region: u32,
-    // Of a cone or pyramid; or a point of the plane.
+    // Apex of the cone or pyramid, or a point on the plane.
     apex: vec3f,
-    // Square of its radius.
+    // Squared radius.
     softening: f32,
-    // Of a cone; or the normal of the plane.
+    // Axis of the cone, or normal of the plane.
     axis: vec3f,
-    // Mean channel of the flux per steradian, W/sr; of the irradiance of what comes from afar, W/m^2.
+    // Mean channel of the flux per steradian, W/sr; for distant lights of the irradiance, W/m^2.
     intensity: f32,
-    // W/sr of a point, and of a spot on its axis; W/m^2 of what is directional; W/(m^2 sr) of surfaces and of what is
-    // all around. With a texture, where that is one.
+    // W/sr of a point, and of a spot on its axis; W/m^2 of directional lights; W/(m^2 sr) of surfaces and environments.
+    // With a texture, the value where the texture is one.
     emitted: vec3f,
-    // Cosine of a cone's half angle; the sine of that of a sun.
+    // Cosine of a cone's half angle; for a sun, the sine.
     width: f32,
-    // The object that shadow rays to it pass through, or NONE.
+    // The object that shadow rays to it ignore, or NONE.
     unshadowing: u32,
-    // Not 0 where rays may pass its surface unseen: all of its direct light is that of samples. 2 where paths that go on
-    // from where lights were sampled look at it nevertheless.
+    // Not 0 if rays may pass its surface unseen: all its direct light comes from light sampling. 2 if paths that
+    // continue from where lights were sampled test it nevertheless.
     only_sampled: u32,
-    // Where inward normals of a pyramid's planes are in `light_tables`.
+    // Offset of a pyramid's inward plane normals in `light_tables`.
     table: u32,
-    // By bits of classes: its own, that of its surface, and what shadow rays to it do not see wherever they start.
+    // Class bits: its own, its surface's, and those that shadow rays to it ignore wherever they start.
     class_bit: u32,
     shape_class: u32,
     hides: u32,
-    // Likewise, what its photons do not see.
+    // Class bits that its photons ignore.
     photon_hides: u32,
 }
 
-// How lights are chosen, and what shadow rays look at.
+// How lights are chosen, and what shadow rays test.
 struct Lighting {
     lights: u32,
-    // Lights are few enough to be weighed at each point.
+    // There are several lights, but few enough to weigh each at every point.
     is_weighed: u32,
-    // Shadow rays have to look at what they pass.
+    // Shadow rays must inspect what they meet.
     shadow_rays_walk: u32,
-    // There are rules of what rays see.
+    // There are visibility rules.
     has_rules: u32,
-    // What rays from the camera do not see, and what rays of paths from their second vertex on do not, by bits of
-    // classes.
+    // Class bits that camera rays ignore, and those that paths ignore from their second vertex on.
     camera_hides: u32,
     gather_hides: u32,
-    // Where `light_tables` say by medium and light that nothing of it comes there straight, 1, or 0; nowhere: 0.
+    // Offset in `light_tables` of flags by medium and light: 1 if none of its light arrives there unscattered. 0: no
+    // flags.
     unlit: u32,
 }
 
 @group(0) @binding(31) var<storage, read> light_sources: array<LightSource>;
 @group(0) @binding(33) var<storage, read> lighting: Lighting;
 
-// Which lights are chosen from: where scattered rays go on that may meet the others (`Seen::Later`), or where a path
-// ends, and on its segments (`Seen::Last`, `Seen::ByGatherRay`, `single_scattering`). At a first vertex (`Seen::First`)
-// its surface says which: `lit_by`.
+// Which lights to choose from: those aimed at, where scattered rays continue and may hit the others (`Seen::Later`); or
+// all, where a path ends and on its segments (`Seen::Last`, `Seen::ByGatherRay`, `single_scattering`). At a first
+// vertex (`Seen::First`) its surface decides: `lit_by`.
 const AIMED_AT: u32 = 0u;
 const ALL_LIGHTS: u32 = 1u;
 
-// A chosen light, or NONE.
 struct LightChoice {
     light: u32,
-    // Probability of the choice, or how often it is expected.
+    // Probability of the choice, or expected number of times it is made.
     pmf: f32,
-    // The uniform number again, within the choice.
+    // The uniform number, rescaled to be uniform within the choice.
     u: f32,
 }
 
-// Within [0, 1], or no number.
+// Clamps to [0, 1]; NaN stays.
 fn within_one(x: f32) -> f32 { return select(select(x, 1.0, x > 1.0), 0.0, x < 0.0); }
 
-// How many lights there are to choose from, or none if none is ever chosen.
+// Number of lights to choose from, or 0 if none is ever chosen.
 fn choices_among(among: u32) -> u32 {
     let count = lighting.lights;
     if (count == 0u) { return 0u; }
     return select(0u, count, light_tables[(among + 1u) * count - 1u] > 0.0);
 }
 
-// Probability of a light by power.
 fn power_pmf(among: u32, light: u32) -> f32 {
     if (lighting.lights == 0u) { return 0.0; }
     return pmf_in_table(among * lighting.lights, light);
 }
 
-// Choose a light by power.
 fn choose_by_power(among: u32, u: f32) -> LightChoice {
     let count = choices_among(among);
     if (count == 0u) { return LightChoice(NONE, 0.0, 0.0); }
@@ -108,7 +104,7 @@ fn plane_of_pyramid(source: LightSource, plane: u32) -> vec3f {
     return vec3f(light_tables[first], light_tables[first + 1u], light_tables[first + 2u]);
 }
 
-// About the irradiance that a light brings to a point, W/m^2, on a surface that faces it or has a normal.
+// Approximate unoccluded irradiance at a point, W/m^2, on a surface that faces the light or has this normal.
 fn irradiance_at(light: u32, at: vec3f, normal: vec3f, has_normal: bool) -> f32 {
     let source = light_sources[light];
     if (source.region == ALL_AROUND) { return source.intensity * 0.25; }
@@ -141,24 +137,24 @@ fn irradiance_at(light: u32, at: vec3f, normal: vec3f, has_normal: bool) -> f32 
     return quotient(source.intensity, distance2) * at_light * cosine;
 }
 
-// By power alone, by what each light brings, or not at all.
+// By power alone, by each light's irradiance, or none.
 const BY_POWER: u32 = 0u;
 const BY_IRRADIANCE: u32 = 1u;
 const DARK: u32 = 2u;
 
-// How likely lights are to be chosen at a point.
+// Light probabilities at a point.
 struct LocalChoice {
     point: vec3f,
     among: u32,
     normal: vec3f,
     way: u32,
     has_normal: bool,
-    // Sums over the lights that shine there.
+    // Sums over the lights that reach the point.
     irradiance: f32,
     power: f32,
 }
 
-// At a point. `normal`, if it has one: of a surface that is lit from that side only. `among`: see AIMED_AT.
+// `normal`, if `has_normal`: of a surface that is lit from that side only. `among`: see AIMED_AT.
 fn light_choice(point: vec3f, normal: vec3f, has_normal: bool, among: u32) -> LocalChoice {
     var choice = LocalChoice(point, among, normal, BY_POWER, has_normal, 0.0, 0.0);
     if (lighting.is_weighed == 0u) { return choice; }
@@ -179,7 +175,7 @@ fn light_choice(point: vec3f, normal: vec3f, has_normal: bool, among: u32) -> Lo
     return choice;
 }
 
-// Probability of a light, if one is chosen.
+// Probability of a light, given that one is chosen.
 fn light_pmf(choice: LocalChoice, light: u32) -> f32 {
     let pmf = power_pmf(choice.among, light);
     if (choice.way == BY_POWER) { return pmf; }
@@ -189,15 +185,15 @@ fn light_pmf(choice: LocalChoice, light: u32) -> f32 {
     return quotient(0.8f * irradiance, choice.irradiance) + quotient(0.2f * pmf, choice.power);
 }
 
-// Expected number of times that `next_light` names a light, at most 1: `LocalChoice::samples_of`.
+// Expected number of times that `next_light` returns a light, at most 1: `LocalChoice::samples_of`.
 fn samples_of(choice: LocalChoice, light: u32) -> f32 {
     let pmf = light_pmf(choice, light);
     if (choice.way == BY_POWER) { return pmf; }
     return not_above_one(2.0 * pmf);
 }
 
-// `LocalChoice::each`: the lights that it visits one after the other, and then NONE, once. `next` begins with 0. What
-// is drawn for a light is drawn between the calls.
+// `LocalChoice::each` as an iterator: returns the chosen lights one by one, then NONE once. `next` starts at 0; the
+// caller draws a light's own numbers between calls.
 fn next_light(choice: LocalChoice, next: ptr<function, u32>, s: ptr<function, Sampler>) -> LightChoice {
     let count = choices_among(choice.among);
     if (choice.way == BY_POWER) {
@@ -220,7 +216,7 @@ fn next_light(choice: LocalChoice, next: ptr<function, u32>, s: ptr<function, Sa
     return LightChoice(NONE, 0.0, 0.0);
 }
 
-// `LocalChoice::sample`: one light by `u` in [0, 1), or NONE where none shines.
+// `LocalChoice::sample`: one light by `u` in [0, 1), or NONE if no light reaches the point.
 fn sample_light(choice: LocalChoice, u: f32) -> LightChoice {
     if (choice.way == BY_POWER) { return choose_by_power(choice.among, u); }
     var chosen = LightChoice(NONE, 0.0, 0.0);

@@ -1,18 +1,18 @@
-// The walls that cross the kernel of a photon on a surface: step by step as on processors,
-// `beamfarm_render::cpu::beam::walls`. After `near.wgsl` and `hull.wgsl`.
+// Walls that cross the kernel of a surface photon. Same operations, in the same order, as
+// `beamfarm_render::cpu::beam::walls` on CPUs. Goes after `near.wgsl` and `hull.wgsl`.
 
-// All walls are where the offset from the photon times `beyond` is above 1, if that is a number, and are asked for so
-// high above the surface; zero where none crosses.
+// All crossing walls lie where dot(offset from the photon, `beyond`) > 1; NaN: they may be anywhere; zero: there are
+// none. Rays that test them start at `height` above the surface.
 struct Crossing { beyond: vec3f, height: f32 }
 
-// Where a triangle crosses a disc around the origin; not a number: anywhere.
+// Intersection of a triangle with a disc around the origin; NaN: it may be anywhere.
 struct WallLine { p: vec3f, q: vec3f, is: u32 }
 
 fn line_in_disc(corners: array<vec3f, 3>, n: vec3f, radius: f32) -> WallLine {
     let none = WallLine(vec3f(0.0), vec3f(0.0), NO_MORE_WALLS);
     let heights = vec3f(dot3(corners[0], n), dot3(corners[1], n), dot3(corners[2], n));
     if (all(heights > vec3f(0.0)) || all(heights < vec3f(0.0))) { return none; }
-    // Where its edges cross the plane; twice the same at a corner.
+    // Where its edges cross the plane; the same point twice at a corner.
     var p = vec3f(0.0);
     var q = vec3f(0.0);
     var count = 0u;
@@ -26,7 +26,7 @@ fn line_in_disc(corners: array<vec3f, 3>, n: vec3f, radius: f32) -> WallLine {
             count += 1u;
         }
     }
-    // In the plane, or no triangle at all.
+    // In the plane, or degenerate.
     if (count < 2u) {
         let nowhere = vec3f(of_bits(NOT_A_NUMBER));
         return WallLine(nowhere, nowhere, WALL_TRIANGLE);
@@ -45,14 +45,14 @@ fn line_in_disc(corners: array<vec3f, 3>, n: vec3f, radius: f32) -> WallLine {
     return WallLine(p + way * first, p + way * last, select(NO_MORE_WALLS, WALL_TRIANGLE, is_there));
 }
 
-// Whether everything is on the same side of a triangle as a point: it stands between no two surfaces.
+// Whether the whole scene is on the same side of a triangle as a point: such a wall separates no two surfaces.
 fn is_outer_wall(corners: array<vec3f, 3>, point: vec3f) -> bool {
     var n = unit_or_zero(cross3(corners[1] - corners[0], corners[2] - corners[0]));
     n = n * signum(dot3(n, point - corners[0]));
     return is_outside(n, dot3(n, corners[0]));
 }
 
-// What crosses the disc next: a line, something round, or nothing more.
+// The next wall that crosses the disc: a line, something round, or NO_MORE_WALLS.
 fn next_line(search: ptr<function, WallSearch>, middle: vec3f, n: vec3f, radius: f32) -> WallLine {
     let nowhere = vec3f(of_bits(NOT_A_NUMBER));
     loop {
@@ -74,7 +74,7 @@ fn next_line(search: ptr<function, WallSearch>, middle: vec3f, n: vec3f, radius:
 
 fn is_number(v: vec3f) -> bool { return all(abs(v) < vec3f(of_bits(INFINITY))); }
 
-// They are looked for in a disc so high above the surface. `n`: unit normal of both, upwards.
+// Searches the disc at this height above the surface. `n`: unit normal of both, upwards.
 fn crossing_walls(point: vec3f, n: vec3f, radius: f32, height: f32) -> Crossing {
     let nowhere = vec3f(of_bits(NOT_A_NUMBER));
     let middle = point + n * height;
@@ -84,7 +84,7 @@ fn crossing_walls(point: vec3f, n: vec3f, radius: f32, height: f32) -> Crossing 
     planes[1] = vec4f(-n, -at);
     let around = Around(middle, 0.0, n, radius, planes);
     var search: WallSearch;
-    // First the point of lines that is nearest, then how far all lines are along the way there.
+    // Pass 0 finds the nearest point of all lines; pass 1 their least distance in that direction.
     var least2 = of_bits(INFINITY);
     var nearest = vec3f(0.0);
     var count = 0u;

@@ -1,5 +1,4 @@
-// Light at a point by a light that was chosen: from where on it, and with what density. Functions are the renderer's of
-// `world/light/`, in its order.
+// Samples light at a point from a chosen light. Functions match the renderer's `world/light/` operation for operation.
 //
 //     let choice = light_choice(point, normal, has_normal, AIMED_AT);
 //     var next = 0u;
@@ -14,16 +13,16 @@
 struct DirectSample {
     // Towards the light.
     wi: vec3f,
-    // Infinite for what comes from afar.
+    // Infinite for distant lights.
     distance: f32,
-    // Of the light where it is met; the direction back, where it has none.
+    // Normal of the light's surface; -wi if it has none.
     normal: vec3f,
-    // Density per solid angle; 1 for light of a point, or parallel. Zero: nothing arrives.
+    // Per solid angle; 1 for point and parallel lights. Zero: nothing arrives.
     pdf: f32,
-    // Radiance over `pdf`: for light of a point, or parallel, the irradiance across `wi`.
+    // Radiance over `pdf`; for point and parallel lights, the irradiance across `wi`.
     weight: vec3f,
     triangle: u32,
-    // No ray can meet the light by chance.
+    // No ray can hit the light by chance.
     unmet: bool,
 }
 
@@ -31,9 +30,9 @@ fn no_light() -> DirectSample {
     return DirectSample(vec3f(0.0), 0.0, vec3f(0.0), 0.0, vec3f(0.0), 0u, false);
 }
 
-// Where a ray met a light; where it left the scene, `distance` is infinite.
+// Where a ray hit a light; `distance` is infinite if it left the scene.
 struct LightHit {
-    // Geometric normal, pointing outside.
+    // Geometric normal, outward.
     normal: vec3f,
     distance: f32,
     triangle: u32,
@@ -50,7 +49,7 @@ fn from_point(offset: vec3f, intensity: vec3f) -> DirectSample {
     return DirectSample(wi, distance, -wi, 1.0, weight, 0u, true);
 }
 
-// The cone that a ball fills, seen from a point outside of it.
+// The cone that a ball subtends, seen from outside.
 struct BallCone {
     axis: vec3f,
     one_minus_cos: f32,
@@ -68,7 +67,6 @@ fn cone_of_ball(center: vec3f, radius: f32, at: vec3f) -> BallCone {
 
 fn cone_pdf(cone: BallCone) -> f32 { return quotient(1.0, 6.2831855f * cone.one_minus_cos); }
 
-// Angle from a spot's axis.
 fn angle_from_axis(light: Light, dir: vec3f) -> f32 {
     let x = dot3(dir, light.s);
     let y = dot3(dir, light.t);
@@ -86,7 +84,7 @@ fn spot_pdf(light: Light, dir: vec3f) -> f32 {
     return quotient((1.0 - light.share) * side, 3.1415927f * width);
 }
 
-// What a spot is from a point: a point, a ball that fills a cone narrower than its beam, or else.
+// How a spot is sampled from a point: as a point, by the cone of its ball if narrower than its beam, or by its beam.
 const AS_POINT: u32 = 0u;
 const AS_BALL: u32 = 1u;
 const AS_BEAM: u32 = 2u;
@@ -115,7 +113,7 @@ fn spot_intensity(light: Light, emitted: vec3f, dir: vec3f) -> vec3f {
     return emitted * spot_falloff(light, angle_from_axis(light, dir));
 }
 
-// Light towards a point of what starts at one point of a spot, as if all did.
+// Light towards a point as if the whole spot emitted from `start`.
 fn from_spot_start(number: u32, start: vec3f, at: vec3f) -> DirectSample {
     let light = lights[number];
     let intensity = spot_intensity(light, light_sources[number].emitted, at - start);
@@ -134,7 +132,7 @@ fn from_spot(number: u32, at: vec3f, u: vec3f) -> DirectSample {
     } else {
         wi = -sample_spot(light, u.xy).dir;
     }
-    // The line's chord in the ball.
+    // The ray's chord in the ball.
     let across = vec3f(
         offset.y * wi.z - wi.y * offset.z,
         offset.z * wi.x - wi.z * offset.x,
@@ -150,18 +148,18 @@ fn from_spot(number: u32, at: vec3f, u: vec3f) -> DirectSample {
     return DirectSample(wi, distance, -wi, pdf, quotients(intensity, spot_area(light) * pdf), 0u, true);
 }
 
-// Cosine of the angle to the normal of a surface, on a side that emits.
+// Cosine to the surface's normal, positive on a side that emits.
 fn facing(light: Light, cosine: f32) -> f32 { return select(cosine, abs(cosine), light.kind == TWO_SIDED_AREA); }
 
 fn sides_of(light: Light) -> f32 { return select(1.0, 2.0, light.kind == TWO_SIDED_AREA); }
 
-// A density per area as one per solid angle; zero on the side that does not emit, and where it overflows.
+// Converts a density per area to one per solid angle; zero on the side that does not emit, and on overflow.
 fn per_solid_angle(pdf_area: f32, cosine: f32, distance: f32) -> f32 {
     let pdf = quotient(pdf_area * distance * distance, cosine);
     return select(0.0, pdf, cosine > 0.0 && pdf > 0.0 && pdf < of_bits(INFINITY));
 }
 
-// The cone that a surface fills, if it is a ball of which only the outside emits.
+// The surface's cone, if it is a ball that emits only outwards.
 fn cone_of_surface(light: Light, at: vec3f) -> BallCone {
     if (is_round(light) && light.kind == AREA && light.first == 0u) {
         return cone_of_ball(light.position, light.radius, at);
@@ -169,14 +167,14 @@ fn cone_of_surface(light: Light, at: vec3f) -> BallCone {
     return BallCone(vec3f(0.0), 0.0, false);
 }
 
-// Uniform in the cone, and where the ball is along that; but for the light from there.
+// Uniform in the ball's cone; the weight is left to the caller.
 fn from_ball(light: Light, cone: BallCone, at: vec3f, u: vec2f) -> DirectSample {
     let way = light.position - at;
     let far = root(dot3(way, way));
     let ratio = quotient(light.radius, far);
     let one_minus_cos = u.x * cone.one_minus_cos;
     let sin2 = one_minus_cos * (2.0 - one_minus_cos);
-    // The nearer root of t^2 - 2 d cos t + d^2 - r^2 = 0, as the product of both over the farther one.
+    // The nearer root of t^2 - 2 d cos t + d^2 - r^2 = 0: the product of both over the farther one.
     let half_chord = light.radius * root(not_below_zero(1.0 - quotient(sin2, ratio * ratio)));
     let product = (far - light.radius) * (far + light.radius);
     let distance = quotient(product, far * (1.0 - one_minus_cos) + half_chord);
@@ -186,7 +184,7 @@ fn from_ball(light: Light, cone: BallCone, at: vec3f, u: vec2f) -> DirectSample 
     return DirectSample(wi, distance, normal, pdf, vec3f(0.0), 0u, false);
 }
 
-// Radiance of a surface where its texture has these coordinates.
+// Radiance of a surface at these texture coordinates.
 fn radiance_there(number: u32, uv: vec2f) -> vec3f {
     let emitted = light_sources[number].emitted;
     let texture = lights[number].texture;
@@ -194,7 +192,7 @@ fn radiance_there(number: u32, uv: vec2f) -> vec3f {
     return texture_value(textures[texture], uv) * emitted;
 }
 
-// Texture coordinates of a ball at a normal of it.
+// Texture coordinates at a ball's normal.
 fn uv_of_ball(light: Light, normal: vec3f) -> vec2f {
     return sphere_uv(unit_vector(to_local(Frame(light.s, light.t, light.n), normal)));
 }
@@ -251,7 +249,7 @@ fn is_environment(light: u32) -> bool {
     return lights[light].kind == ENVIRONMENT || lights[light].kind == ENVIRONMENT_MAP;
 }
 
-// `Light::draw_direct`: the numbers that `sample_direct` wants.
+// `Light::draw_direct`: the random numbers for `sample_direct`.
 fn draw_direct(number: u32, s: ptr<function, Sampler>) -> vec3f {
     let kind = lights[number].kind;
     let is_spot = kind == SPOT || kind == SMOOTH_SPOT;
@@ -268,7 +266,7 @@ fn draw_direct(number: u32, s: ptr<function, Sampler>) -> vec3f {
     return u;
 }
 
-// `Light::sample_direct`: a direction towards a light from a point, by numbers from `draw_direct`.
+// `Light::sample_direct`: samples a direction towards a light from a point. `u`: from `draw_direct`.
 fn sample_direct(number: u32, at: vec3f, u: vec3f) -> DirectSample {
     let light = lights[number];
     let emitted = light_sources[number].emitted;
@@ -291,8 +289,8 @@ fn sample_direct(number: u32, at: vec3f, u: vec3f) -> DirectSample {
     }
 }
 
-// `Light::pdf_direct`: density per solid angle of `sample_direct` from a point choosing `wi`, for a ray that met the
-// light by chance, or left the scene.
+// `Light::pdf_direct`: density per solid angle with which `sample_direct` chooses `wi`, for a ray that hit the light by
+// chance or left the scene.
 fn pdf_direct(number: u32, at: vec3f, wi: vec3f, hit: LightHit) -> f32 {
     let light = lights[number];
     let is_met = hit.distance < of_bits(INFINITY);
@@ -311,14 +309,14 @@ fn pdf_direct(number: u32, at: vec3f, wi: vec3f, hit: LightHit) -> f32 {
     return environment_pdf(light, wi);
 }
 
-// Of an environment's samples, per solid angle; zero of any other light's.
+// Density of an environment's samples per solid angle; zero for other lights.
 fn environment_pdf(light: Light, wi: vec3f) -> f32 {
     if (light.kind == ENVIRONMENT_MAP) { return map_pdf(light, place_on_map(light, wi)); }
     return select(0.0, light.pdf_dir, light.kind == ENVIRONMENT);
 }
 
 // `Light::photon_density`: density of emitted photons per area across `wi` at a point, over the density with which
-// `sample_direct` from there chooses that light. `hit`: where the light is met.
+// `sample_direct` chooses that light from there. `hit`: where the light is hit.
 fn photon_density(number: u32, at: vec3f, wi: vec3f, hit: LightHit) -> f32 {
     let light = lights[number];
     let distance2 = hit.distance * hit.distance;
@@ -340,8 +338,8 @@ fn photon_density(number: u32, at: vec3f, wi: vec3f, hit: LightHit) -> f32 {
     }
 }
 
-// `Light::emitted_density`: density of photons, per area across their way and solid angle, where one is emitted in
-// this direction, by this triangle of a surface. Zero for light that is parallel or comes from a point.
+// `Light::emitted_density`: density of emitted photons, per area across their direction and solid angle. `triangle`: of
+// an emitting surface. Zero for point and parallel lights.
 fn emitted_density(number: u32, dir: vec3f, triangle: u32) -> f32 {
     let light = lights[number];
     switch light.kind {
@@ -360,8 +358,7 @@ fn emitted_density(number: u32, dir: vec3f, triangle: u32) -> f32 {
     }
 }
 
-// `Scene::emitted`: radiance of an object's surface with a geometric normal `ng`, where its texture has these
-// coordinates, against the direction of a ray that meets it.
+// `Scene::emitted`: radiance that a ray of direction `dir` finds where it hits an object with geometric normal `ng`.
 fn emitted_radiance(object: u32, ng: vec3f, uv: vec2f, dir: vec3f) -> vec3f {
     let light = surfaces[object].light;
     if (light == NONE) { return vec3f(0.0); }
@@ -370,17 +367,17 @@ fn emitted_radiance(object: u32, ng: vec3f, uv: vec2f, dir: vec3f) -> vec3f {
     return radiance_there(light, uv);
 }
 
-// `Scene::environment`: radiance that a ray of such a direction finds of a light that is all around; zero of any other.
+// `Scene::environment`: radiance that a ray of this direction finds; zero for lights other than environments.
 fn environment_radiance(number: u32, dir: vec3f) -> vec3f {
     let light = lights[number];
     if (light.kind == ENVIRONMENT_MAP) { return map_value(light, place_on_map(light, dir)) * light.power; }
     return select(vec3f(0.0), light_sources[number].emitted, light.kind == ENVIRONMENT);
 }
 
-// Whether a light is not seen by who does not see so much, by bits of classes.
+// Whether these class bits hide a light.
 fn hides_light(hides: u32, light: u32) -> bool { return (light_sources[light].class_bit & hides) != 0u; }
 
-// Whether its surface is passed by such a ray, so that none meets it by chance.
+// Whether they hide its surface, so that no ray hits it by chance.
 fn hides_shape_of(hides: u32, light: u32) -> bool { return (light_sources[light].shape_class & hides) != 0u; }
 
 // `Scene::only_sampled`.

@@ -1,84 +1,81 @@
-// Where photons start, render space. `world/lights.rs` has the same structs.
+// Where photons start, in render space. Same structs as in `world/lights.rs`.
 
 const POINT: u32 = 0u;
-// Its falloff is linear in the angle, or smooth in the cosine.
+// Falloff linear in the angle, or smooth in the cosine.
 const SPOT: u32 = 1u;
 const SMOOTH_SPOT: u32 = 2u;
 const DIRECTIONAL: u32 = 3u;
 const SUN: u32 = 4u;
 const AREA: u32 = 5u;
 const TWO_SIDED_AREA: u32 = 6u;
-// The same from all around, or by an image.
+// Constant, or by an image.
 const ENVIRONMENT: u32 = 7u;
 const ENVIRONMENT_MAP: u32 = 8u;
 const PROJECTOR: u32 = 9u;
 
-// Stands for no texture.
 const NO_TEXTURE: u32 = 0xffffffffu;
 
 struct Light {
-    // Of a point, a spot, a lamp that throws a picture or a round surface; the middle of the scene for what comes from
-    // afar.
+    // Position of a point, a spot, a projector or a round surface; for distant lights, the centre of the scene.
     position: vec3f,
     kind: u32,
-    // Flux that every sample stands for, W; of spots the intensity on the axis, W/sr. With a texture what is emitted
-    // where that is one: intensity, W/sr, or radiance, W/(m^2 sr).
+    // Flux of every sample, W; for spots the intensity on the axis, W/sr. With a texture, the emission where that is
+    // one: intensity, W/sr, or radiance, W/(m^2 sr).
     power: vec3f,
-    // Of a spot or a ball; of a disc, of one with as large an area; of the scene for what comes from afar. Zero of
-    // other surfaces. Scene units.
+    // Radius of a spot or ball; for a disc, of a circle with its area; for distant lights, of the scene. Zero for other
+    // surfaces. Scene units.
     radius: f32,
-    // Of a spot; the axes of a ball, of its radius; of a disc, with n its unit normal; n of what is directional: the
-    // direction of travel. Right, up and away of a picture; of an environment the axes of its image's space; of a
-    // rectangle whose radiance is even its sides' directions and its normal.
+    // Axes s, t, n of a spot's frame; of a ball, as long as its radius; of a disc, n its unit normal; right, up and
+    // away of a projector's image; of an environment image's space; a uniform rectangle's sides and normal. For
+    // directional lights, n is the direction of travel.
     s: vec3f,
     // Density of the position per area.
     pdf_pos: f32,
     t: vec3f,
-    // Density of the direction per solid angle, where it is the same for all.
+    // Density of the direction per solid angle, if constant.
     pdf_dir: f32,
     n: vec3f,
-    // Of a surface: its first triangle in `emitters`; of a round one what it is, by the bits DISC and TURNED.
+    // First triangle of a surface in `emitters`; for round ones, DISC_LIGHT and TURNED_LIGHT bits.
     first: u32,
-    // By 1 - cos: the plateau of a spot; the cone of a sun.
+    // A spot's plateau, or a sun's cone, as 1 - cos.
     plateau: f32,
-    // By 1 - cos: the cone of a spot.
+    // A spot's cone, as 1 - cos.
     cone: f32,
     // Integral of a spot's falloff, sr.
     solid_angle: f32,
-    // Share of a spot's plateau in that.
+    // The plateau's share of it.
     share: f32,
-    // Half angles of a spot.
+    // A spot's half angles, radians: plateau and cone.
     beam_width: f32,
     cutoff: f32,
-    // Of a surface: its triangles.
+    // Number of a surface's triangles.
     count: u32,
-    // Number of the medium that photons start in.
+    // Medium that photons start in.
     medium: u32,
-    // Of a picture: two corners of what of it is lit; it reaches from (-1, -1), the lower left, to (1, 1).
+    // Two corners of the lit part of a projector's image, which spans (-1, -1), the lower left, to (1, 1).
     lit: vec4f,
-    // Half the width and half the height of a picture at distance 1; the sides of a rectangle whose radiance is even,
-    // from `position` along s and t.
+    // Half the width and height of an image at distance 1; or the sides of a uniform rectangle, from `position` along s
+    // and t.
     half: vec2f,
-    // Number of what it emits by, or NO_TEXTURE.
+    // Emission texture, or NO_TEXTURE.
     texture: u32,
-    // Where its own part of `light_tables` begins.
+    // Offset of its part of `light_tables`.
     table: u32,
 }
 
-// A round surface is a disc, or else a ball.
+// Bits of round surfaces: a disc, not a ball.
 const DISC_LIGHT: u32 = 1u;
-// Its normal points to where that of the shape does not.
+// Its normal is opposite to the shape's.
 const TURNED_LIGHT: u32 = 2u;
 
-// A triangle of a surface that emits.
+// A triangle of an emitting surface.
 struct Emitter {
     a: vec3f,
-    // Uniform numbers from here on are for triangles behind it.
+    // Uniform numbers from here on choose later triangles.
     end: f32,
     b: vec3f,
     c: vec3f,
     normal: vec3f,
-    // Texture coordinates of its corners.
     uv_a: vec2f,
     uv_b: vec2f,
     uv_c: vec2f,
@@ -87,27 +84,26 @@ struct Emitter {
 @group(0) @binding(28) var<storage, read> emitters: array<Emitter>;
 
 struct EmissionUniforms {
-    // Where on the light.
+    // Place on the light.
     position: vec2f,
-    // Which direction.
     direction: vec2f,
-    // Which triangle, or how deep in a ball.
+    // Triangle, or depth in a ball.
     primitive: f32,
 }
 
 struct Emission {
     origin: vec3f,
-    // Density of the direction per solid angle; infinite for parallel light.
+    // Per solid angle; infinite for parallel light.
     pdf_dir: f32,
     // Direction of travel.
     dir: vec3f,
-    // Density of the position per area; infinite for light of a point.
+    // Per area; infinite for point light.
     pdf_pos: f32,
-    // Flux that the sample stands for, were it the only one, W.
+    // Flux that the sample stands for as the only one, W.
     power: vec3f,
-    // The triangle that emits.
+    // The emitting triangle.
     triangle: u32,
-    // Of that, on the side of the photon; zero for all other lights.
+    // Its normal on the photon's side; zero for lights that are not surfaces.
     normal: vec3f,
 }
 
@@ -116,7 +112,7 @@ fn one_minus_cos(angle: f32) -> f32 {
     return 2.0 * half * half;
 }
 
-// Share of the axis' intensity.
+// Intensity relative to that on the axis.
 fn spot_falloff(light: Light, angle: f32) -> f32 {
     if (angle <= light.beam_width) { return 1.0; }
     if (!(angle < light.cutoff)) { return 0.0; }
@@ -138,16 +134,15 @@ fn spot_start(light: Light, u: vec2f, depth: f32) -> vec3f {
     return light.position + to_world(Frame(light.s, light.t, light.n), local) * light.radius;
 }
 
-// A direction of a spot's light.
 struct SpotSample {
     dir: vec3f,
     // From the axis.
     angle: f32,
-    // Density per solid angle.
+    // Per solid angle.
     pdf: f32,
 }
 
-// The plateau uniformly with its own share of the flux, else the ramp with a density that falls linearly in the cosine.
+// Samples the plateau uniformly, with its share of the flux, else the ramp with a density linear in the cosine.
 fn sample_spot(light: Light, u: vec2f) -> SpotSample {
     let width = light.cone - light.plateau;
     var h = 0.0;
@@ -180,7 +175,7 @@ fn emit_spot(light: Light, u: EmissionUniforms) -> Emission {
     );
 }
 
-// Light from infinitely far away through the disc that covers the scene, from just outside of it.
+// Distant light, through the disc that covers the scene, starting just outside of it.
 fn emit_from_afar(light: Light, u: EmissionUniforms) -> Emission {
     var dir = light.n;
     var pdf_dir = light.pdf_dir;
@@ -210,7 +205,7 @@ fn emit_projector(light: Light, u: EmissionUniforms) -> Emission {
     return Emission(light.position, pdf_dir, dir, light.pdf_pos, power, 0u, vec3f(0.0));
 }
 
-// The triangle that a uniform number chooses: the first that ends behind it.
+// Picks a triangle by a uniform number: the first whose `end` is beyond it.
 fn emitter_of(light: Light, u: f32) -> u32 {
     var low = 0u;
     var high = light.count - 1u;
@@ -225,29 +220,29 @@ fn is_surface(light: Light) -> bool { return light.kind == AREA || light.kind ==
 
 fn is_round(light: Light) -> bool { return light.radius > 0.0; }
 
-// Azimuth over a whole turn, from 0 to 1.
+// Azimuth as a fraction of a turn, 0 to 1.
 fn turn_of(p: vec2f) -> f32 {
     let phi = arc_tan2(p.y, p.x);
     return quotient(select(phi, phi + 6.2831855f, phi < 0.0), 6.2831855f);
 }
 
-// Coordinates of points of the unit sphere and the unit disc.
+// Texture coordinates on the unit sphere and the unit disc.
 fn sphere_uv(p: vec3f) -> vec2f { return vec2f(turn_of(p.xy), quotient(arc_cos(p.z), 3.1415927f)); }
 
 fn disc_uv(p: vec2f) -> vec2f { return vec2f(root(dot2(p, p)), turn_of(p)); }
 
-// A point of a light that is a surface.
+// A point on an emitting surface.
 struct OnLight { point: vec3f, normal: vec3f, triangle: u32, uv: vec2f }
 
 fn has_texture(light: Light) -> bool { return light.texture != NO_TEXTURE; }
 
-// Density per area with which a point of a surface is drawn; of triangles with a texture it is in the light's table.
+// Density per area of `on_surface`; for textured triangles it is in the light's table.
 fn pdf_on_surface(light: Light, triangle: u32) -> f32 {
     if (has_texture(light) && !is_round(light)) { return light_tables[light.table + triangle]; }
     return light.pdf_pos;
 }
 
-// The one that uniform numbers choose: `shape.sample_area`, or `pattern.sample`.
+// Samples a point: `shape.sample_area`, or `pattern.sample`.
 fn on_surface(light: Light, u: vec2f, primitive: f32) -> OnLight {
     if (!is_round(light)) {
         let triangle = emitter_of(light, primitive);
@@ -280,7 +275,7 @@ fn emit_area(light: Light, u: EmissionUniforms) -> Emission {
     var direction = u.direction;
     var sides = 1.0;
     if (light.kind == TWO_SIDED_AREA) {
-        // Each side half of the time, and what is left of the number.
+        // Each side with probability 1/2; the number is rescaled.
         sides = 2.0;
         direction.x = 2.0 * direction.x;
         if (!(direction.x < 1.0)) {

@@ -1,14 +1,14 @@
-// Light that is scattered more than once among microfacets, which one bounce loses, and the base beneath them. The
-// renderer's `bsdf/energy/`, step by step.
+// Multiple scattering among microfacets, whose energy a single-bounce lobe loses, and the diffuse base beneath them.
+// The renderer's `bsdf/energy/`, in the same order of operations.
 
-// Some surface does so.
+// Some material of the scene keeps this energy.
 const KEEPS_ANY_ENERGY: bool = (SURFACES & 0x100000u) != 0u;
 
-// Losses of a distribution: rows by roughness, columns by cosine, and means.
+// Losses of a distribution: rows by roughness, columns by cosine, then means.
 const LOSS_ROWS: u32 = 32u;
 const LOSS_COSINES: u32 = 24u;
 const LOSS_MEANS: u32 = 125u;
-// After those of GGX: layers by index of refraction, roughness and cosine, their means, and mean reflectances.
+// After those of GGX: layers by index of refraction, roughness and cosine, their means, then mean reflectances.
 const LAYER_ETAS: u32 = 12u;
 const LAYER_ROWS: u32 = 12u;
 const LAYER_COSINES: u32 = 28u;
@@ -16,11 +16,11 @@ const FIRST_LAYER: u32 = LOSS_ROWS * LOSS_COSINES + LOSS_MEANS;
 const FIRST_MEAN_LAYER: u32 = FIRST_LAYER + LAYER_ETAS * LAYER_ROWS * LAYER_COSINES;
 const FIRST_MEAN_FRESNEL: u32 = FIRST_MEAN_LAYER + LAYER_ETAS * LAYER_ROWS;
 const MOST_Z: f32 = 0.7;
-// After all of those: what one bounce keeps of the light of rough glass, by index, roughness, side and cosine.
+// After all of those: single-bounce albedo of rough glass, by index of refraction, roughness, side and cosine.
 const GLASS_ETAS: u32 = 8u;
 const GLASS_ROWS: u32 = 12u;
 const GLASS_COSINES: u32 = 14u;
-// After the cosines there is the mean of diffuse light.
+// The mean for diffuse light follows the cosines.
 const GLASS_SIDE: u32 = GLASS_COSINES + 1u;
 const FIRST_GLASS: u32 = FIRST_MEAN_FRESNEL + LAYER_ETAS;
 
@@ -28,7 +28,7 @@ fn keeps_energy(m: Material) -> bool {
     return KEEPS_ANY_ENERGY && has_bits(m, KEEPS_ENERGY) && (m.kind == ROUGH_CONDUCTOR || m.eta.x >= 1.0);
 }
 
-// A place between two numbers of a table.
+// A position between two table entries.
 struct TablePlace {
     first: u32,
     on: f32,
@@ -47,7 +47,7 @@ fn between_in(table: u32, first: u32, place: TablePlace) -> f32 {
     return between(place, coat_table(table, at), coat_table(table, at + 1u));
 }
 
-// Between rows of so many columns.
+// Bilinear, in a table of this many columns.
 fn between_rows(table: u32, first: u32, row: TablePlace, columns: u32, column: TablePlace) -> f32 {
     let at = first + row.first * columns;
     return between(row, between_in(table, at, column), between_in(table, at + columns, column));
@@ -56,7 +56,7 @@ fn between_rows(table: u32, first: u32, row: TablePlace, columns: u32, column: T
 struct Losses {
     table: u32,
     alpha: f32,
-    // The root of alpha, at most 1.
+    // Square root of alpha, clamped to 1.
     root: f32,
     mean: f32,
 }
@@ -73,13 +73,13 @@ fn loss_at(l: Losses, given_cos: f32) -> f32 {
     return between_rows(l.table, 0u, place_of(l.root, LOSS_ROWS), LOSS_COSINES, column);
 }
 
-// Value of the lobe that brings back what is lost, where all bounces reflect everything.
+// Value of the lobe that restores the loss, if every bounce reflects everything.
 fn returned(l: Losses, loss_o: f32, loss_i: f32) -> f32 {
     if (!(l.mean > 0.0)) { return 0.0; }
     return quotient(loss_o * loss_i, l.mean) * 0.31830987f;
 }
 
-// What is left of light on its bounces after the first.
+// Share of light left on bounces after the first.
 fn further_bounces(l: Losses, f: vec3f) -> vec3f {
     let above = f * f * (1.0 - l.mean);
     let below = vec3f(1.0) - f * l.mean;
@@ -88,7 +88,7 @@ fn further_bounces(l: Losses, f: vec3f) -> vec3f {
 
 fn mean_of_schlick(normal: vec3f) -> vec3f { return normal * 0.95238096f + 0.04761905f; }
 
-// What GGX facets of a dielectric reflect in all.
+// Total reflection of a dielectric's GGX facets over all bounces.
 struct Layer {
     losses: Losses,
     normal: f32,
@@ -128,14 +128,14 @@ fn layer_albedo(l: Layer, cos: f32, loss: f32) -> f32 {
     return above(l.normal, share) * (1.0 - loss) + l.further * loss;
 }
 
-// Value of a white base beneath it.
+// Value of a white base beneath the layer.
 fn base_beneath(l: Layer, albedo_o: f32, albedo_i: f32) -> f32 {
     let rest = 1.0 - l.mean_albedo;
     let tiny = of_bits(0x00800000u);
     return quotient((1.0 - albedo_o) * (1.0 - albedo_i), select(tiny, rest, rest > tiny)) * 0.31830987f;
 }
 
-// Of principled surfaces: what both of their wide lobes are made of.
+// What the multiple-scattering and base lobes of principled materials share.
 struct Bounces {
     layer: Layer,
     further: vec3f,
@@ -157,13 +157,13 @@ fn bounces_of(m: Material) -> Bounces {
     return Bounces(layer, further);
 }
 
-// Albedos of the lobe of more than one bounce, and of the base if it were white.
+// Albedo of the multiple-scattering lobe, RGB, and of the base if it were white.
 fn albedos_of(b: Bounces, cos: f32) -> vec4f {
     let loss = loss_at(b.layer.losses, cos);
     return vec4f(b.further * loss, 1.0 - layer_albedo(b.layer, cos, loss));
 }
 
-// Values of both, likewise.
+// Values of the same two lobes.
 fn values_of(b: Bounces, cos_o: f32, cos_i: f32) -> vec4f {
     let loss_o = loss_at(b.layer.losses, cos_o);
     let loss_i = loss_at(b.layer.losses, cos_i);
@@ -173,7 +173,7 @@ fn values_of(b: Bounces, cos_o: f32, cos_i: f32) -> vec4f {
     return vec4f(b.further * returned(b.layer.losses, loss_o, loss_i), white);
 }
 
-// Of rough metal: the probability of sampling one bounce.
+// Rough metal: probability of sampling the single-bounce lobe.
 fn specular_of_metal(m: Material, cos: f32) -> f32 {
     if (!keeps_energy(m)) { return 1.0; }
     let losses = losses_of(m.table, m.roughness);
@@ -184,24 +184,24 @@ fn specular_of_metal(m: Material, cos: f32) -> f32 {
     return quotient(once, once + more);
 }
 
-// Of rough metal: the value of more than one bounce.
+// Rough metal: value of the multiple-scattering lobe.
 fn more_of_metal(m: Material, cos_o: f32, cos_i: f32) -> vec3f {
     let losses = losses_of(m.table, m.roughness);
     let back = returned(losses, loss_at(losses, cos_o), loss_at(losses, cos_i));
     return further_bounces(losses, m.reflectance * m.transmittance) * back;
 }
 
-// Of what lets light through, whichever side is denser.
+// `keeps_energy` for glass, whichever side is denser.
 fn is_glass_kept(m: Material) -> bool { return KEEPS_ANY_ENERGY && has_bits(m, KEEPS_ENERGY); }
 
-// What is left of light after a bounce among the microfacets of glass.
+// Share of light left after a bounce among the microfacets of glass.
 fn color_of_glass(m: Material) -> vec3f {
     if (m.kind == ROUGH_DIELECTRIC) { return m.transmittance; }
     return vec3f(root(m.reflectance.x), root(m.reflectance.y), root(m.reflectance.z));
 }
 
-// How far values of rough glass are brightened, seen from `camera`. `eta`: index of refraction on the side that z points
-// away from over the other.
+// Factor on the single-bounce value of rough glass that stands in for further bounces. `camera`: direction of view.
+// `eta`: index on the side that z points away from over the other.
 fn brightened_glass(m: Material, given_alpha: f32, eta: f32, camera: vec3f) -> vec3f {
     let alpha_root = not_above_one(root(given_alpha));
     let alpha = alpha_root * alpha_root;
@@ -210,7 +210,7 @@ fn brightened_glass(m: Material, given_alpha: f32, eta: f32, camera: vec3f) -> v
     let row = place_of(alpha_root, GLASS_ROWS);
     let cos = not_above_one(abs(camera.z));
     let column = place_of(quotient(cos * (1.0 + alpha), cos + alpha), GLASS_COSINES);
-    // Of the other distribution there are no layers.
+    // Beckmann tables have no layers.
     let first = select(FIRST_GLASS, FIRST_LAYER, has_bits(m, IS_BECKMANN));
     let side = select(0u, GLASS_SIDE, (camera.z > 0.0) != (eta >= 1.0));
     let columns = 2u * GLASS_SIDE;
@@ -234,5 +234,5 @@ fn brightened_glass(m: Material, given_alpha: f32, eta: f32, camera: vec3f) -> v
     return vec3f(1.0) + further * quotient(1.0 - albedo, albedo);
 }
 
-// Of where a path comes from and where it goes on, the one that the camera is behind.
+// Of wo and wi, the direction towards the camera.
 fn towards_camera(wo: vec3f, wi: vec3f, mode: u32) -> vec3f { return select(wi, wo, mode == RADIANCE); }

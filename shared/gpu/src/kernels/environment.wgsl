@@ -1,21 +1,21 @@
-// Radiance from all around by an image, as the renderer's `world/light/environment.rs` has it: the pole +y is the first
-// row, columns go from -z by +x; columns are sampled at the centres of pixels, rows stand on both poles.
+// Lat-long environment images, as in the renderer's `world/light/environment.rs`: the first row is at the pole +y,
+// columns go from -z by way of +x. Columns are sampled at pixel centres; the first and last row lie on the poles.
 //
-// In a light's table: running sums of rows between pixels, those over the columns of each, and the solid angle of a
-// cell by row.
+// The light's table holds running sums over rows of cells between pixels, running sums over the columns of each row,
+// and a cell's solid angle by row.
 
 fn bands_of(t: SurfaceTexture) -> u32 { return max(t.height, 2u) - 1u; }
 
-// Where a direction falls among the pixels.
+// Position of a direction among the pixels.
 struct MapPlace {
-    // To the left and above, and from there to the next, in [0, 1].
+    // The pixel to the left and above, and the fractions of the way to the next, in [0, 1].
     column: u32,
     row: u32,
     across: f32,
     down: f32,
 }
 
-// Of a unit vector towards the environment.
+// `towards`: unit vector towards the environment.
 fn place_on_map(light: Light, towards: vec3f) -> MapPlace {
     let t = textures[light.texture];
     let dir = to_local(Frame(light.s, light.t, light.n), towards);
@@ -27,11 +27,11 @@ fn place_on_map(light: Light, towards: vec3f) -> MapPlace {
     let whole = floor(y);
     let last = f32(bands_of(t) - 1u);
     let row = select(last, whole, whole < last);
-    // At most half a row and one to the left of the first.
+    // The column is at least -(width / 2 + 1).
     return MapPlace((u32(i32(column) + i32(t.width) + 1) + t.width - 1u) % t.width, u32(row), x - column, y - row);
 }
 
-// Radiance over the light's factor.
+// Radiance without the light's factor.
 fn map_value(light: Light, at: MapPlace) -> vec3f {
     let t = textures[light.texture];
     let next = (at.column + 1u) % t.width;
@@ -60,14 +60,14 @@ fn map_pdf(light: Light, at: MapPlace) -> f32 {
 // A unit vector towards the environment, and its density per solid angle.
 struct MapSample { dir: vec3f, pdf: f32 }
 
-// Roughly in proportion to the radiance.
+// Roughly proportional to the radiance.
 fn sample_map(light: Light, u: vec2f) -> MapSample {
     let t = textures[light.texture];
     let bands = bands_of(t);
     let row = choose_in_table(light.table, bands, u.y);
     let column = choose_in_table(light.table + bands + row.index * t.width, t.width, u.x);
     let solid_angle = map_solid_angle(light, row.index);
-    // Uniform per solid angle is uniform in 1 - |cos theta|, counted from the nearer pole to keep its digits there.
+    // Uniform per solid angle means uniform in 1 - |cos theta|, taken from the nearer pole for precision.
     let is_south = 2u * row.index >= bands;
     let pole_row = select(row.index, bands - 1u - row.index, is_south);
     let along = select(row.u, 1.0 - row.u, is_south);

@@ -1,26 +1,26 @@
-// What a piece of a beam brings to a segment: the 1D estimate of two lines that are nearest within the kernel's radius,
-// or, where they are nearly parallel, the chord of the segment through the kernel. Step by step as on processors:
-// `beamfarm_render::cpu::beam::estimate`. After `hidden.wgsl` or `open.wgsl`, and `attenuation.wgsl` or
-// `even_attenuation.wgsl`.
+// Contribution of a beam piece to a segment: the 1D estimate where the two lines are nearest, within the kernel radius,
+// or, if they are nearly parallel, an integral over the segment's chord through the kernel. Same operations, in the
+// same order, as `beamfarm_render::cpu::beam::estimate` on CPUs. Goes after `hidden.wgsl` or `open.wgsl`, and
+// `attenuation.wgsl` or `even_attenuation.wgsl`.
 
 struct Segment {
     origin: vec3f,
     length: f32,
     dir: vec3f,
     medium: u32,
-    // Which random numbers its chords have.
+    // Address of the chords' random numbers, with the beam's number.
     pixel: u32,
-    // Of the transmittance along it, where the density varies: the word of the first, and how many.
+    // Steps of the transmittance along it, if the density varies: first word, and number of steps.
     steps: u32,
     step_count: u32,
-    // Above WAVE_OF_SEGMENT: the wavelength of the path, from 1 on; 0: none.
+    // From WAVE_OF_SEGMENT on, the wavelength of the path, from 1 on; 0: none.
     bits: u32,
 }
 
 const WAVE_OF_SEGMENT: u32 = 8u;
 
-// A homogeneous medium. Lobes of its phase function: (1 - g^2) / (4 pi) times their share, (1 - |g|)^2, 2 |g|, and
-// the sign of g.
+// A medium, at density 1. Phase function lobes: (1 - g^2) / (4 pi) times their share, (1 - |g|)^2, 2 |g|, and the sign
+// of g.
 struct Scattering {
     sigma_s: vec3f,
     spare_s: u32,
@@ -31,21 +31,21 @@ struct Scattering {
 
 struct Brought {
     radiance: vec3f,
-    // 1 where there is any.
+    // Number of contributions.
     count: u32,
 }
 
 const NOTHING_BROUGHT: Brought = Brought(vec3f(0.0), 0u);
 
-// Below this sine lines are nearly parallel.
+// Below this sine, lines count as nearly parallel.
 const PARALLEL_SIN: f32 = 0.1;
 const PARALLEL_SIN2: f32 = 0.010000001;
 const FAR_AWAY: f32 = 3.40282347e38f;
 
-// How two lines lie to each other.
+// Relative position of two lines: w goes from the segment's origin to the beam's, d and b are their directions.
 struct Meeting {
     cos: f32,
-    // Their distance, times the sine.
+    // Their distance times the sine.
     offset: f32,
     w_dot_d: f32,
     w_dot_b: f32,
@@ -62,13 +62,13 @@ fn lobe_by_x(lobe: vec4f, x: f32) -> f32 { return quotient(lobe.x, x * root(x));
 
 // By the cosine between the old and the new direction of travel.
 fn lobe_value(lobe: vec4f, cosine: f32) -> f32 {
-    // The same everywhere; or nothing.
+    // Isotropic, or an unused lobe.
     if (lobe.z == 0.0) { return lobe.x; }
     let apart = 1.0 - lobe.w * cosine;
     return lobe_by_x(lobe, lobe.y + lobe.z * select(0.0, apart, apart > 0.0));
 }
 
-// By both directions, which is exact near the peak.
+// By both directions, which is accurate near the peak.
 fn lobe_value_of_directions(lobe: vec4f, old: vec3f, new_: vec3f) -> f32 {
     if (lobe.z == 0.0) { return lobe.x; }
     let apart = old - lobe.w * new_;
@@ -79,30 +79,30 @@ fn transmitted_over(sigma_t: vec3f, depth: f32) -> vec3f {
     return vec3f(exp_neg(-sigma_t.x * depth), exp_neg(-sigma_t.y * depth), exp_neg(-sigma_t.z * depth));
 }
 
-// Whether the lines are near enough, as far as products tell.
+// Whether the lines come near enough; needs no division.
 fn may_bring(piece: Piece, meeting: Meeting) -> bool {
     let sin2 = 1.0 - meeting.cos * meeting.cos;
     let s_sin2 = meeting.cos * meeting.w_dot_d - meeting.w_dot_b;
     let offset2 = meeting.offset * meeting.offset;
     let radius = piece.max_radius;
     if (!(sin2 < PARALLEL_SIN2)) { return offset2 < radius * radius * sin2; }
-    // Beyond the nearest points by up to radius / sine; with room for what the sine of small angles is off by.
+    // A chord reaches beyond the nearest points by up to radius / sine; leaves room for rounding in small sines.
     let beyond = PARALLEL_SIN * radius;
     return offset2 <= 1.01f * radius * radius * (sin2 + 1e-5f)
         && s_sin2 + beyond >= piece.start * sin2
         && s_sin2 - beyond <= piece.end * sin2;
 }
 
-// Points of a segment that see a beam: one where the lines are nearest, or two of a chord.
+// Points of a segment that see a beam: the nearest one, or two on a chord.
 struct Points {
-    // By bits, which of them there are.
+    // Bit mask of the valid points.
     are: u32,
     is_chord: bool,
-    // Along the segment, along the beam, and what each counts.
+    // Distances along the segment and along the beam, and kernel values.
     t: vec2f,
     s: vec2f,
     value: vec2f,
-    // What a point of a chord counts for.
+    // Length that each chord point stands for.
     step: f32,
 }
 
@@ -137,15 +137,15 @@ fn points_of(segment: Segment, piece: Piece, medium: Scattering, key: vec2u) -> 
     if (!(t > 0.0 && t < segment.length && s > piece.start && s <= piece.end && x < 1.0)) { return points; }
     points.are = 1u;
     points.t.x = t;
-    // Before its start a beam is as strong as there.
+    // Before its start, a beam is as strong as at the start.
     points.s.x = select(0.0, s, s > 0.0);
     points.value.x = 0.75 * (1.0 - x) * root(sin2) * inv_r_sin2;
-    // Light is turned against the segment.
+    // Light turns against the segment's direction.
     points.value.x *= lobe_value(medium.lobes[0], -meeting.cos) + lobe_value(medium.lobes[1], -meeting.cos);
     return points;
 }
 
-// By bits, which of them walls may hide.
+// Bit mask of the points that walls may hide.
 fn asked_of(segment: Segment, piece: Piece, medium: Scattering, key: vec2u) -> u32 {
     let points = points_of(segment, piece, medium, key);
     var asked = 0u;
@@ -156,13 +156,13 @@ fn asked_of(segment: Segment, piece: Piece, medium: Scattering, key: vec2u) -> u
     return asked;
 }
 
-// Whether walls hide one of those.
+// Whether walls hide point `i`; traces a ray.
 fn is_hidden(segment: Segment, piece: Piece, medium: Scattering, key: vec2u, i: u32) -> bool {
     let points = points_of(segment, piece, medium, key);
     return hides(segment, piece, points.t[i], points.s[i]);
 }
 
-// What those bring that are not hidden: bits.
+// Contribution of the points that are not in the mask `hidden`.
 fn brought(segment: Segment, piece: Piece, medium: Scattering, key: vec2u, hidden: u32) -> Brought {
     let points = points_of(segment, piece, medium, key);
     let seen = points.are & ~hidden;
@@ -181,14 +181,14 @@ fn brought(segment: Segment, piece: Piece, medium: Scattering, key: vec2u, hidde
     return Brought(radiance, u32(any(radiance > vec3f(0.0))));
 }
 
-// A segment through the kernel of a nearly parallel beam, blurred over discs across that: two points of it count, at
-// random within its halves.
+// A segment's chord through the kernel of a nearly parallel beam, which is blurred over discs across the beam. Two
+// stratified points are evaluated, `u` into each half.
 struct Chord {
-    // None where the near end is not before the far one.
+    // Empty unless near < far.
     near: f32,
     far: f32,
     u: f32,
-    // The segment is at distance |across + t across_dir| from the axis, at s = along + t cos.
+    // At distance t along the segment, it is |across + t across_dir| from the beam's axis, at s = along + t cos.
     along: f32,
     cos: f32,
     across: vec3f,
@@ -203,7 +203,7 @@ fn chord_of(segment: Segment, piece: Piece, key: vec2u) -> Chord {
     chord.along = dot3(offset, piece.dir);
     chord.across = offset - piece.dir * chord.along;
     chord.across_dir = segment.dir - piece.dir * chord.cos;
-    // Where the line is within the largest radius.
+    // The range within the largest radius.
     let a = dot3(chord.across_dir, chord.across_dir);
     let radius2 = piece.max_radius * piece.max_radius;
     var near = -FAR_AWAY;

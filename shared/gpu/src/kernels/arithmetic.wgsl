@@ -1,6 +1,6 @@
-// Division and square root, correctly rounded as in IEEE 754: everything else divides by `quotient` and `root`. They
-// call the native operations if the self-test found those exact, else `own_*`, which fix up the native result with an
-// integer remainder; see `Arithmetic` in `kernels.rs`. Inlined in hundreds of places, so kept short.
+// Division and square root, correctly rounded as in IEEE 754: all other code uses `quotient` and `root`. They call the
+// native operations if the self-test found those exact, else `own_*`, which fix up the native result with an integer
+// remainder; see `Arithmetic` in `kernels.rs`. Inlined in hundreds of places, so kept short.
 
 const INFINITY: u32 = 0x7f800000u;
 const NOT_A_NUMBER: u32 = 0x7fc00000u;

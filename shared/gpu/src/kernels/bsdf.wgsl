@@ -56,7 +56,7 @@ struct Material {
     // Factor on transmission; for coats, on their reflection; for rough metal, its reflectance for diffuse light.
     transmittance: vec3f,
     bits: u32,
-    // Real part of the index; for dielectrics and coats, the index inside over the one outside, three times.
+    // Real part of the index; for dielectrics and coats, inside over outside, in all three components.
     eta: vec3f,
     // Of the microfacets; for principled surfaces its square root.
     roughness: f32,

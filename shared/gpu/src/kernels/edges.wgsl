@@ -1,5 +1,5 @@
 // Kernels at edges, corners and creases: the renderer's `beam/edges.rs`, one trial at a time. Displacements are drawn
-// from a kernel until one lands on the surface: on average, one over the share of it that does.
+// from a kernel until one lands on the surface: on average, 1 / (share of the kernel on it) trials.
 
 // If this many displacements all miss, the kernel is narrowed.
 const TRIALS_OF_RADIUS: u32 = 64u;

@@ -1,4 +1,4 @@
-// In place of `volumes.wgsl` in scenes whose media are all the same everywhere.
+// Replaces `volumes.wgsl` in scenes where no medium's density varies.
 
 const VARIES = false;
 const MOST_WALKS: u32 = 1u;

@@ -1,4 +1,4 @@
-// In place of `walk.wgsl` in scenes whose media are all the same everywhere: there are no walks.
+// Replaces `walk.wgsl` in scenes where no medium's density varies: there are no walks.
 
 const NO_WALK: u32 = 0u;
 const BY_FLIGHT: u32 = 3u;

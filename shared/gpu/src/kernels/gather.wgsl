@@ -1,6 +1,6 @@
-// Every segment sums up what pieces of beams bring, in their order. A piece counts where the ray meets its box: whether
-// a ray, or any of several, may meet a box of more pieces follows from that by comparisons alone, since sums and
-// products are rounded in the order of their exact values. So which boxes are looked at changes no bit.
+// Each segment sums the contributions of beam pieces, in their order. A piece counts if the ray meets its box. Rounding
+// is monotonic, so a ray, or a bundle with it, that meets a piece's box also meets every enclosing box: which boxes are
+// visited changes no bit.
 
 struct Level {
     here: u32,
@@ -8,14 +8,14 @@ struct Level {
 }
 
 struct Levels {
-    // The number of the last, which has one node.
+    // The topmost level, which has one node.
     top: u32,
     spare: u32,
     all: array<Level>,
 }
 
-// From which part of the hierarchy to before which. A part is a node of a level, or the last level's node where there
-// are fewer levels.
+// A range of parts of the hierarchy, `end` exclusive. A part is a node of `level`, or of the topmost level if there are
+// fewer.
 struct PieceParts {
     first: u32,
     end: u32,
@@ -33,7 +33,7 @@ struct PieceParts {
 @group(0) @binding(7) var<storage, read> levels: Levels;
 @group(0) @binding(8) var<storage, read> range: PieceParts;
 @group(1) @binding(9) var<storage, read_write> gathered: array<Brought>;
-// Whose light counts: the number of a group of lights, from 1 on; 0: of all.
+// Light group to gather, from 1 on; 0: all light.
 @group(0) @binding(10) var<storage, read> of_light_group: u32;
 
 fn part_level() -> u32 { return min(levels.top, range.level); }
@@ -43,16 +43,16 @@ fn end_of_parts() -> u32 {
     return min(range.end, nodes_of(part_level()));
 }
 
-// What is gathered before these parts.
+// The sum over earlier parts.
 fn sum_before(number: u32) -> Brought {
     if (range.first == 0u) { return Brought(vec3f(0.0), 0u); }
     return gathered[number];
 }
 
-// Nodes of a level over so many pieces, of which there are some.
+// Number of nodes on a level; there must be pieces.
 fn nodes_of(level: u32) -> u32 { return ((piece_count[0] - 1u) >> (2u * level + 2u)) + 1u; }
 
-// One over the direction, bounded.
+// Reciprocal direction, bounded.
 fn inverse(dir: vec3f) -> vec3f {
     let size = select(vec3f(1e-12f), abs(dir), abs(dir) > vec3f(1e-12f));
     let d = select(size, -size, dir < vec3f(0.0));
@@ -69,7 +69,7 @@ fn meets(origin: vec3f, inv: vec3f, length: f32, box: Bounds) -> bool {
     return near <= far;
 }
 
-// Whether a piece may bring something: what takes long is looked at by few threads, and only by them.
+// Cheap test whether a piece may contribute: the costly evaluation runs in few invocations, for these pieces only.
 fn is_near(segment: Segment, inv: vec3f, piece: Piece) -> bool {
     if (HAS_LIGHT_GROUPS) {
         if (of_light_group > 0u && of_light_group != piece.medium >> LIGHT_GROUP_BITS) { return false; }
@@ -80,7 +80,7 @@ fn is_near(segment: Segment, inv: vec3f, piece: Piece) -> bool {
         && meets(segment.origin, inv, segment.length, bounds_of(piece));
 }
 
-// `hidden`: by bits, which of its points.
+// `hidden`: bit mask of the piece's points that walls hide.
 fn add(sum: ptr<function, Brought>, segment: Segment, piece: Piece, medium: Scattering, hidden: u32) {
     let more = brought(segment, piece, medium, key[0], hidden);
     if (more.count > 0u) {
@@ -89,10 +89,10 @@ fn add(sum: ptr<function, Brought>, segment: Segment, piece: Piece, medium: Scat
     }
 }
 
-// Pieces that are near wait until there are so many of them: two bits each are a word.
+// Pieces that wait for evaluation: two bits each fit a word.
 const MOST_WAITING: u32 = 16u;
 
-// A segment by itself, without a stack: a node that is met is entered, and then the next one beside it or above.
+// One segment per invocation, without a stack: enters nodes that it meets, else goes to the next sibling, or up.
 @compute @workgroup_size(64)
 fn by_ray(
     @builtin(workgroup_id) group: vec3u,
@@ -136,7 +136,7 @@ fn by_ray(
                 }
                 more = level < top;
             }
-            // By two bits each, which points walls may hide, and then, which they do.
+            // Two bits per piece: points that walls may hide, then those that they do.
             var asked = 0u;
             for (var k = 0u; k < count; k++) {
                 asked |= asked_of(segment, pieces[waiting[k]], medium, key[0]) << (2u * k);

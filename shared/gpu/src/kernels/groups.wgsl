@@ -1,8 +1,8 @@
-// Workgroups in rows: their numbers, and how many are needed for a count that is known on the device alone.
+// Workgroups in rows: their numbering, and how many to dispatch for a count that only the device knows.
 
 const GROUPS_PER_DIMENSION: u32 = 65535u;
 
-// What a kernel runs over, once that is known: workgroups, and the count that they are for.
+// The size of an indirect dispatch: workgroups, and the number of elements they cover.
 struct Sizes {
     groups: vec3u,
     count: u32,
@@ -10,7 +10,7 @@ struct Sizes {
 
 fn group_number(group: vec3u, groups: vec3u) -> u32 { return group.x + group.y * groups.x; }
 
-// The shortest rows for so many workgroups of each pass.
+// The shortest rows for this many workgroups in each pass.
 fn group_rows(count: u32, passes: u32) -> vec3u {
     let rows = max((count + GROUPS_PER_DIMENSION - 1u) / GROUPS_PER_DIMENSION, 1u);
     return vec3u((count + rows - 1u) / rows, rows, passes);

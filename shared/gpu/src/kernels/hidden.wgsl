@@ -1,9 +1,9 @@
-// Whether a wall stands between a point of a segment and what it sees of a beam. After `planes.wgsl`, `hull.wgsl` and
-// `shade.wgsl`; before `estimate.wgsl`, where `open.wgsl` stands for it in scenes without walls.
+// Whether a wall stands between a point of a segment and what it sees of a beam. Goes after `planes.wgsl`, `hull.wgsl`
+// and `shade.wgsl`, and before `estimate.wgsl`; `open.wgsl` replaces it in scenes without walls.
 
 @group(1) @binding(53) var<storage, read> walled_beams: array<Beam>;
 
-// Whether a segment leaves the box around a closed scene: outer planes count then.
+// Whether a segment leaves the box of a closed scene: outer planes count then.
 fn escapes(segment: Segment) -> bool {
     if (hull.is_closed == 0u) { return false; }
     let end = segment.origin + segment.dir * segment.length;
@@ -11,7 +11,7 @@ fn escapes(segment: Segment) -> bool {
     return any(end < hull.low - far) || any(end > hull.high + far);
 }
 
-// Whether walls may stand between a point at distance `t` along the segment and what it sees of the beam, at `s`.
+// Whether walls may hide the beam, at distance `s` along it, from the point at distance `t` along the segment.
 fn may_hide(segment: Segment, piece: Piece, t: f32, s: f32) -> bool {
     if ((piece.medium & HAS_PLANES) == 0u) { return false; }
     let beyond = escapes(segment);
@@ -20,8 +20,8 @@ fn may_hide(segment: Segment, piece: Piece, t: f32, s: f32) -> bool {
     let point = segment.origin + segment.dir * t;
     let across = cross3(piece.dir, point - piece.origin);
     let distance2 = dot3(across, across);
-    // Whether no plane is near in this stretch of the piece, and whether the point is behind one that is: by one loop,
-    // since drivers in software count turns.
+    // Finds the range of the piece that no plane is near, and whether the point is behind a plane that is. One loop
+    // does both: software drivers limit the number of iterations.
     var clear = all_clear();
     var is_behind = false;
     for (var i = walls.x; i < walls.y; i++) {
@@ -33,14 +33,14 @@ fn may_hide(segment: Segment, piece: Piece, t: f32, s: f32) -> bool {
     return is_behind && (beyond || !(s > clear.x && s < clear.y));
 }
 
-// Whether any does, of points where that may be. Takes a ray.
+// Whether a wall does hide it; traces a ray, so ask `may_hide` first.
 fn hides(segment: Segment, piece: Piece, t: f32, s: f32) -> bool {
     let walls = walls_of(walled_beams[piece.beam].walls);
     let length = walled_beams[piece.beam].length;
     var at = select(s, 0.0, s < 0.0);
     at = select(at, length, at > length);
     var seen = piece.origin + piece.dir * at;
-    // From above what it starts or ends on, so that bent surfaces do not hide it.
+    // Lifted off the surfaces that it starts or ends on, so that curved ones do not hide it.
     let height = 0.25 * (piece.radius + piece.radius_slope * at);
     for (var i = walls.x; i < walls.y; i++) {
         let n = planes[i].n;

@@ -1,4 +1,4 @@
-// The box around everything.
+// The scene's bounding box.
 
 struct Hull {
     low: vec3f,
@@ -10,14 +10,14 @@ struct Hull {
 
 @group(0) @binding(51) var<storage, read> hull: Hull;
 
-// The largest number in it, without signs.
+// Largest absolute coordinate.
 fn hull_size() -> f32 {
     let low = abs(hull.low);
     let high = abs(hull.high);
     return extent(select(low, high, high > low));
 }
 
-// Whether all of it is before a plane, but for rounding.
+// Whether the whole box is in front of a plane, up to rounding.
 fn is_outside(n: vec3f, at: f32) -> bool {
     let low = n * hull.low;
     let high = n * hull.high;

@@ -1,7 +1,7 @@
-// What a point of a surface is made of: its material, of blends one of the parts, with textures looked up and its
-// normal turned by bump and normal maps. `world/materials.rs` has the same structs.
+// The material at a surface point: one part of each blend, with textures looked up, and the shading normal perturbed by
+// bump and normal maps. Same structs as in `world/materials.rs`.
 
-// What a texture of a material is the value of.
+// The material parameter that a texture drives.
 const REFLECTANCE_FIELD: u32 = 0u;
 const TRANSMITTANCE_FIELD: u32 = 1u;
 const ROUGHNESS_FIELD: u32 = 2u;
@@ -18,50 +18,48 @@ const OPACITY_FIELD: u32 = 12u;
 const WEIGHT_FIELD: u32 = 13u;
 const MAP_FIELD: u32 = 14u;
 
-// Bits of materials.
-// Light is met by chance.
+// Material bits. HAS_OPACITY: rays pass through with some probability.
 const HAS_OPACITY: u32 = 1u;
 const IS_BLEND: u32 = 2u;
 const HAS_BUMP_MAP: u32 = 4u;
 const HAS_NORMAL_MAP: u32 = 8u;
-// Its reflections are to stay above the surface.
+// The shading normal is bent so that reflections stay above the surface.
 const REFLECTS_UPWARDS: u32 = 16u;
 
 const ROW_BITS: u32 = 8u;
 
-// Any material is met by chance.
+// Some material of the scene has opacity or is a blend.
 const ANY_CHANCE: bool = (SURFACES & 0x20000u) != 0u;
 
 struct MaterialRecord {
-    // Before textures are looked up.
+    // Before texture look-up.
     surface: Material,
-    // Its textures.
+    // Index of its first texture, and their number.
     first_texture: u32,
     textures: u32,
-    // Shares of rays that it meets, and that meet the second of its parts.
+    // Probability that a ray meets it, and that it then meets its second part.
     opacity: f32,
     weight: f32,
-    // Of a blend: numbers of materials.
+    // Materials of a blend.
     parts: vec2u,
-    // With these, above ROW_BITS, the row of a pass's indices by wavelength that is its own, from 1 on; 0: it bends all
-    // light alike.
+    // Flags; from ROW_BITS on, its row of the pass's table of indices by wavelength, from 1 on; 0: no dispersion.
     bits: u32,
-    // On heights.
+    // Factor on bump heights.
     scale: f32,
 }
 
 @group(0) @binding(26) var<storage, read> materials: array<MaterialRecord>;
 
-// No material: light goes on as if nothing were there.
+// No material: the ray continues as if nothing were there.
 const PASSED: u32 = 0xffffffffu;
-// Blends within blends, at most.
+// Most nested blends.
 const MOST_BLENDS: u32 = 8u;
 
-// Some texture is made of colours of vertices.
+// Some texture uses vertex colours.
 const LOOKS_AT_COLORS: bool = (SURFACES & 0x80000u) != 0u;
 
-// The corners of a triangle's mesh that a point is in, and the weights of the second and third, which follow from where
-// the point is: that keeps them out of what is known of every point.
+// The corners of a point's triangle, and the barycentric weights of the second and third. Recomputed from the position,
+// so that `SurfacePoint` need not hold them.
 struct Between {
     corners: array<u32, 3>,
     weights: vec2f,
@@ -80,14 +78,14 @@ fn between_corners(at: SurfacePoint) -> Between {
     if (area > 0.0) {
         let of_b = dot3(cross3(p.a - p.c, at.point - p.c), n);
         let of_c = dot3(cross3(p.b - p.a, at.point - p.a), n);
-        // Rounding may take a point over the edge.
+        // Rounding may move a point over the edge.
         w.x = not_above_one(not_below_zero(quotient(of_b, area)));
         w.y = not_above_one(not_below_zero(quotient(of_c, area)));
     }
     return Between(corners, w);
 }
 
-// Between those of the corners of its triangle.
+// Interpolated over the triangle.
 fn vertex_color(at: SurfacePoint) -> vec3f {
     let shape = placed_shapes[at.object];
     if ((shape.bits & HAS_COLORS) == 0u) { return vec3f(0.0); }
@@ -99,7 +97,6 @@ fn vertex_color(at: SurfacePoint) -> vec3f {
     return a * not_below_zero(1.0 - w.x - w.y) + b * w.x + c * w.y;
 }
 
-// The value of a texture of a material.
 fn value_at(t: SurfaceTexture, at: SurfacePoint) -> vec3f {
     var value = texture_value(t, at.uv);
     if (LOOKS_AT_COLORS) {
@@ -114,7 +111,7 @@ fn grey(c: vec3f) -> f32 {
     return select(select(sum, 1.0, sum > 1.0), 0.0, sum < 0.0);
 }
 
-// A field's value of a material that is a share of rays: `otherwise` where it has no texture.
+// Value of a parameter that is a probability: `otherwise` if it has no texture.
 fn share_at(number: u32, field: u32, at: SurfacePoint, otherwise: f32) -> f32 {
     var share = otherwise;
     let first = materials[number].first_texture;
@@ -124,13 +121,13 @@ fn share_at(number: u32, field: u32, at: SurfacePoint, otherwise: f32) -> f32 {
     return share;
 }
 
-// What light meets at a point of a material: a part of a blend by chance, or PASSED.
+// The material that a ray meets: opacity and blend parts are chosen at random. May be PASSED.
 fn met_material(given: u32, at: SurfacePoint, s: ptr<function, Sampler>) -> u32 {
     if (!ANY_CHANCE) {
         return select(given, PASSED, materials[given].surface.kind == NULL_BOUNDARY);
     }
     var number = given;
-    // Whether it is met, and then, of a blend, which part is.
+    // First whether it is met, then which part of a blend.
     var field = OPACITY_FIELD;
     for (var turn = 0u; turn < 2u * MOST_BLENDS + 2u; turn++) {
         let bits = materials[number].bits;
@@ -158,10 +155,10 @@ fn met_material(given: u32, at: SurfacePoint, s: ptr<function, Sampler>) -> u32 
     return number;
 }
 
-// The share of light that goes straight through at a point of a material, on average.
+// Expected share of light that goes straight through a material at a point.
 fn transparency(given: u32, at: SurfacePoint) -> f32 {
     if (!ANY_CHANCE) { return select(0.0, 1.0, materials[given].surface.kind == NULL_BOUNDARY); }
-    // Parts of blends that are yet to be looked at, and how often light comes to them.
+    // Stack of blend parts to visit, and the probability of reaching each.
     var numbers: array<u32, MOST_BLENDS>;
     var shares: array<f32, MOST_BLENDS>;
     numbers[0] = given;
@@ -218,11 +215,10 @@ fn surface_at(number: u32, at: SurfacePoint) -> Material {
     return looked_up(m);
 }
 
-// The renderer's `SurfaceInteraction`: what the functions of `scatter.wgsl` take.
+// The renderer's `SurfaceInteraction`, as `scatter.wgsl` takes it.
 struct Interaction {
-    // With its textures looked up.
     material: Material,
-    // Around the shading normal, which may be turned by a map.
+    // Around the shading normal, which a map may have perturbed.
     frame: Frame,
     // Where the path comes from, in render space and in the frame.
     wo: vec3f,
@@ -230,7 +226,7 @@ struct Interaction {
     shadowing: Shadowing,
 }
 
-// Derivatives of a point by the surface's coordinates.
+// Derivatives of the position by the texture coordinates.
 struct Tangents {
     du: vec3f,
     dv: vec3f,
@@ -287,14 +283,14 @@ fn tangents_at(at: SurfacePoint) -> Tangents {
     return Tangents(placed_vector(object, du), placed_vector(object, dv));
 }
 
-// A tangent that a file gives. Of twice the length: y of normal maps goes to the other side.
+// A mesh file's tangent. Twice the length means that the bitangent is flipped.
 fn given_tangent(number: u32) -> vec4f {
     let t = texel(number);
     if (dot3(t, t) > 2.0) { return vec4f(t * 0.5, -1.0); }
     return vec4f(t, 1.0);
 }
 
-// Where x and y of a normal map go: as the file of the mesh says, or else by texture coordinates.
+// Tangents that x and y of a normal map refer to: from the mesh file, or else from texture coordinates.
 fn tangents_of_map(at: SurfacePoint) -> Tangents {
     let shape = placed_shapes[at.object];
     if ((shape.bits & HAS_TANGENTS) == 0u) { return tangents_at(at); }
@@ -310,7 +306,7 @@ fn tangents_of_map(at: SurfacePoint) -> Tangents {
     return Tangents(along, across * a.w);
 }
 
-// A normal bent towards the surface's own until a mirror reflects wo to the side that it comes from.
+// Bends a shading normal towards the geometric one until the mirror reflection of wo stays above the surface.
 fn reflecting_upwards(n: vec3f, ng: vec3f, wo: vec3f) -> vec3f {
     let up = ng * with_sign(1.0, dot3(ng, wo));
     let share = 0.9f * dot3(up, wo);
@@ -324,7 +320,7 @@ fn reflecting_upwards(n: vec3f, ng: vec3f, wo: vec3f) -> vec3f {
     return half_ * with_sign(1.0, dot3(half_, n));
 }
 
-// The shading normal that a material's map makes, and what its slopes shadow, in render space.
+// The perturbed shading normal, and the shadowing by the map's slopes, in render space.
 struct Mapped {
     ns: vec3f,
     shadowing: Shadowing,
@@ -333,7 +329,7 @@ struct Mapped {
 fn mapped_normal(number: u32, at: SurfacePoint, wo: vec3f) -> Mapped {
     let bits = materials[number].bits;
     if (!ANY_MAP || (bits & (HAS_BUMP_MAP | HAS_NORMAL_MAP)) == 0u) { return Mapped(at.ns, NO_SHADOWING); }
-    // It is the last of the textures.
+    // The map is the last texture.
     let map = textures[materials[number].first_texture + materials[number].textures - 1u];
     let is_bump = (bits & HAS_BUMP_MAP) != 0u;
     var tangents: Tangents;
@@ -351,12 +347,12 @@ fn mapped_normal(number: u32, at: SurfacePoint, wo: vec3f) -> Mapped {
         n = vec3f(dot3(n, s), dot3(n, t), dot3(n, ns));
     } else {
         n = texture_value(map, at.uv) * 2.0 - 1.0;
-        // Along v, also where UV are mirrored.
+        // Along v, even if UVs are mirrored.
         if (objects[at.object].shape == MESH && dot3(t, tangents.dv) < 0.0) { n.y = -n.y; }
     }
     n = unit_or(n, vec3f(0.0, 0.0, 1.0));
     n.z = select(0.001f, n.z, n.z > 0.001f);
-    // A normal that looks away is turned the other way (Schüssler et al. 2017).
+    // Flips a normal that faces away (Schüssler et al. 2017).
     let local_wo = vec3f(dot3(wo, s), dot3(wo, t), dot3(wo, ns));
     if (local_wo.z * dot3(local_wo, n) <= 0.0) { n = vec3f(-n.x, -n.y, n.z); }
     // Conty Estevez et al. 2019.
@@ -367,7 +363,7 @@ fn mapped_normal(number: u32, at: SurfacePoint, wo: vec3f) -> Mapped {
     return Mapped(turned, shadowing);
 }
 
-// A surface of a material that light has met, as a ray of direction `dir` has.
+// The surface that a ray of direction `dir` has hit, with the material that it met.
 fn bsdf_at(number: u32, at: SurfacePoint, dir: vec3f) -> Interaction {
     let mapped = mapped_normal(number, at, -dir);
     let frame = frame_around(mapped.ns);
@@ -375,5 +371,5 @@ fn bsdf_at(number: u32, at: SurfacePoint, dir: vec3f) -> Interaction {
     return Interaction(surface_at(number, at), frame, -dir, to_local(frame, -dir), shadowing);
 }
 
-// Which row of a pass's indices is that of a material, from 1 on; 0: it does not split light.
+// A material's row of the pass's table of indices, from 1 on; 0: no dispersion.
 fn row_of(number: u32) -> u32 { return materials[number].bits >> ROW_BITS; }

@@ -1,7 +1,7 @@
-// What paths find of the light of groups of lights that have a layer: behind what they find of all, three groups to one
-// `Found`, by its parts. In programs of `path.wgsl`, which have `found` and `constants`.
+// Radiance per light group that has a layer, stored after the totals in `found`: three groups per `Found`. For programs
+// of `path.wgsl`, which define `found` and `constants`.
 
-// Of the group of this number, from 1 on; 0: of none.
+// `number`: the group, from 1 on; 0: none.
 fn found_of_group(slot: u32, number: u32, radiance: vec3f) {
     if (!HAS_LIGHT_GROUPS || number == 0u) { return; }
     let place = (1u + (number - 1u) / 3u) * constants.slots + slot;

@@ -1,5 +1,5 @@
-// The renderer's functions, step by step as crate libm computes them on processors, all but sine and cosine: those it
-// takes from floats of 64 bits. `twin.rs` says how exact they are.
+// The renderer's math functions, in the same steps as crate libm, except sine and cosine: the renderer computes those
+// with 64-bit floats. The `twin` module lists their errors.
 
 // x 2^n, rounded once; |n| at most 250.
 fn scaled(x: f32, n: i32) -> f32 {
@@ -9,7 +9,7 @@ fn scaled(x: f32, n: i32) -> f32 {
         y *= of_bits(0x7f000000u);
         k -= 127;
     } else if (k < -126) {
-        // 2^-102: what is cut off is so by the last step alone.
+        // 2^-102: only the last step cuts bits off.
         y *= of_bits(0x0c800000u);
         k += 102;
         if (k < -126) {
@@ -52,7 +52,7 @@ fn exponential(value: f32) -> f32 {
     return scaled(y, k);
 }
 
-// e^x for x <= 0, zero below the smallest normal number, in fewer steps.
+// e^x for x <= 0, in fewer steps; results below the smallest normal number become zero.
 fn exp_neg(x: f32) -> f32 {
     // e^x = 2^(n + f) with |f| <= 1/2; adding and subtracting 1.5 * 2^23 rounds to an integer.
     let y = select(x, -87.0, x < -87.0) * 1.44269504f;
@@ -67,7 +67,6 @@ fn exp_neg(x: f32) -> f32 {
     return select(e * scale, 0.0, x <= -87.0);
 }
 
-// The natural logarithm.
 fn ln(value: f32) -> f32 {
     var x = value;
     var bits = bitcast<u32>(x);
@@ -99,7 +98,7 @@ fn ln(value: f32) -> f32 {
     return s * (half + r) + kf * 9.0580006145e-06f - half + f + kf * 6.9313812256e-01f;
 }
 
-// ln(1 - y) for y in [0, 1], to all digits where y is small.
+// ln(1 - y) for y in [0, 1], accurate for small y.
 fn ln_of_one_minus(y: f32) -> f32 {
     let x = -y;
     if (x <= -1.0) { return of_bits(0x80000000u | INFINITY); }
@@ -112,7 +111,7 @@ fn ln_of_one_minus(y: f32) -> f32 {
         let u = 1.0 + x;
         let shifted = bitcast<u32>(u) + (0x3f800000u - 0x3f3504f3u);
         k = i32(shifted >> 23u) - 127;
-        // What is lost by the sum.
+        // The rounding error of the sum.
         c = quotient(x - (u - 1.0), u);
         f = bitcast<f32>((shifted & 0x7fffffu) + 0x3f3504f3u) - 1.0;
     }
@@ -127,7 +126,7 @@ fn ln_of_one_minus(y: f32) -> f32 {
     return s * (half + r) + (kf * 9.0580006145e-06f + c) - half + f + kf * 6.9313812256e-01f;
 }
 
-// 1 - e^-y for y >= 0, to all digits where y is small.
+// 1 - e^-y for y >= 0, accurate for small y.
 fn one_minus_exp_neg(y: f32) -> f32 {
     var x = -y;
     let size = bitcast<u32>(x) & 0x7fffffffu;
@@ -156,7 +155,7 @@ fn one_minus_exp_neg(y: f32) -> f32 {
     return 1.0 - (x - e + 1.0) * bitcast<f32>(u32(127 + k) << 23u);
 }
 
-// 32 bits of 2/pi, from bit 32 i - 2 behind the point.
+// 32 bits of 2/pi, starting 32 i - 2 bits behind the point.
 fn two_over_pi(i: u32) -> u32 {
     switch i {
         case 0u: { return 0x28be60dbu; }
@@ -169,14 +168,14 @@ fn two_over_pi(i: u32) -> u32 {
     }
 }
 
-// An angle of any size, less so many quarters of a turn that it is in [-pi/4, pi/4].
+// An angle reduced to [-pi/4, pi/4] by a number of quarter turns.
 struct Reduced { angle: f32, quarters: u32 }
 
 fn reduced(x: f32) -> Reduced {
     let bits = bitcast<u32>(x);
     if ((bits & 0x7fffffffu) <= 0x3f490fdau) { return Reduced(x, 0u); }
-    // The number of quarters, modulo four, as a fixed point number with 62 bits behind the point: the mantissa times
-    // those 96 bits of 2/pi that matter.
+    // Quarter turns modulo four, in fixed point with 62 fraction bits: the mantissa times the 96 bits of 2/pi that
+    // matter.
     let mantissa = (bits << 8u) | 0x80000000u;
     let e = ((bits >> 23u) & 255u) - 126u;
     let i = e >> 5u;
@@ -194,14 +193,14 @@ fn reduced(x: f32) -> Reduced {
     p.y += mantissa * high;
     var quarters = p.y >> 30u;
     p.y &= 0x3fffffffu;
-    // To the nearest.
+    // Round to nearest.
     var negative = false;
     if (p.y >= 0x20000000u) {
         quarters += 1u;
         negative = true;
         p = wide_add(vec2u(~p.x, ~p.y), vec2u(1u, 0x40000000u));
     }
-    // Its first 32 bits times pi/2.
+    // The first 32 bits of the rest, times pi/2.
     var zeros = countLeadingZeros(p.y);
     var first = p.y;
     if (zeros == 32u) {
@@ -234,7 +233,7 @@ fn arc_cos_tail(z: f32) -> f32 {
     return quotient(p, 1.0 + z * -7.0662963390e-01f);
 }
 
-// The arc cosine of a number, which is brought within [-1, 1].
+// Arc cosine; the argument is clamped to [-1, 1].
 fn arc_cos(x: f32) -> f32 {
     let pio2_hi = 1.5707962513e+00f;
     let pio2_lo = 7.5497894159e-08f;
@@ -260,7 +259,6 @@ fn arc_cos(x: f32) -> f32 {
     return 2.0 * (df + w);
 }
 
-// The arc tangent.
 fn arc_tan(value: f32) -> f32 {
     var x = value;
     let size = bitcast<u32>(x) & 0x7fffffffu;
@@ -330,7 +328,7 @@ fn arc_tan2(y: f32, x: f32) -> f32 {
     return select(z, -z, below);
 }
 
-// A polynomial of the error function's tail, or its denominator, by the reciprocal square of x, highest power first.
+// erfc(x) for large positive x: a quotient of two polynomials in 1 / x^2, times a Gaussian over x.
 fn erf_tail(x: f32) -> f32 {
     let s = quotient(1.0, x * x);
     var r = 0.0;
@@ -358,7 +356,7 @@ fn erf_tail(x: f32) -> f32 {
     return quotient(exponential((-z) * z - 0.5625) * exponential(both), x);
 }
 
-// 1 - the error function of |x|, from 0.84375 on.
+// erfc(|x|) for |x| >= 0.84375.
 fn erfc_beyond(x: f32) -> f32 {
     let size = abs(x);
     if (bitcast<u32>(size) < 0x3fa00000u) {
@@ -372,7 +370,7 @@ fn erfc_beyond(x: f32) -> f32 {
     return erf_tail(size);
 }
 
-// Over x, of the error function of a small x less x.
+// erf(x) / x - 1 for small x.
 fn erf_near(x: f32) -> f32 {
     let z = x * x;
     let r = 1.2837916613e-01f
@@ -382,7 +380,6 @@ fn erf_near(x: f32) -> f32 {
     return quotient(r, s);
 }
 
-// The error function.
 fn error_function(x: f32) -> f32 {
     let bits = bitcast<u32>(x);
     let size = bits & 0x7fffffffu;
@@ -397,7 +394,7 @@ fn error_function(x: f32) -> f32 {
     return select(y, -y, sign == 1u);
 }
 
-// 1 - the error function.
+// 1 - erf(x).
 fn error_function_rest(x: f32) -> f32 {
     let bits = bitcast<u32>(x);
     let size = bits & 0x7fffffffu;
@@ -414,7 +411,7 @@ fn error_function_rest(x: f32) -> f32 {
     return select(y, 2.0 - y, is_negative);
 }
 
-// The inverse of the error function for |x| < 1.
+// Inverse error function, for |x| < 1.
 fn error_function_inverse(x: f32) -> f32 {
     var w = -ln((1.0 - x) * (1.0 + x));
     var p = 0.0;

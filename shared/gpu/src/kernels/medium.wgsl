@@ -1,9 +1,9 @@
-// Homogeneous media. `world/media.rs` has the same struct. Lengths in scene units, any of them infinite perhaps.
+// Homogeneous media. Same struct as in `world/media.rs`. Distances in scene units; they may be infinite.
 
 struct Medium {
     // Extinction.
     sigma_t: vec3f,
-    // Mean cosine of its phase function.
+    // Mean cosine of the phase function.
     g: f32,
     // Scattering.
     sigma_s: vec3f,
@@ -24,15 +24,15 @@ fn transmittance(m: Medium, distance: f32) -> vec3f {
 }
 
 struct Flight {
-    // Transmittance, times scattering where it was scattered, over the density or probability.
+    // Transmittance, times sigma_s if it scattered, over the pdf or probability.
     weight: vec3f,
-    // Where it was scattered, or all of the way.
+    // To the scattering event, or the whole length.
     distance: f32,
     scattered: u32,
 }
 
-// Where a photon of flux `power` scatters within a length. The distance is drawn for one channel, chosen in proportion
-// to its flux, and weighted by the density of all of them.
+// Samples where a photon of flux `power` scatters within a length. The distance is drawn for one channel, chosen in
+// proportion to its flux, and weighted by the pdf over all channels.
 fn sample_flight(m: Medium, power: vec3f, length: f32, u: vec2f) -> Flight {
     let all = power.x + power.y + power.z;
     let share = vec3f(quotient(power.x, all), quotient(power.y, all), quotient(power.z, all));

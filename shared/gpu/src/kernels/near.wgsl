@@ -1,11 +1,11 @@
-// Walls near a segment: triangles by their corners and round objects by their numbers, one after another in the
-// renderer's order (`Geometry::near`), and perhaps more than those. After `shade.wgsl`.
+// Walls near a segment: triangles by their corners and round objects by number, in the renderer's order
+// (`Geometry::near`). Conservative: may return more walls than those. Goes after `shade.wgsl`.
 
-// Of an object, what rays need not know.
+// Object data that rays do not need.
 struct WallShape {
-    // By columns: from its own space to render space.
+    // Map from object space to render space, by columns.
     x_axis: vec3f,
-    // By how much the way back makes anything longer at most.
+    // Largest stretch of the inverse map.
     scale: f32,
     y_axis: vec3f,
     spare_y: u32,
@@ -13,15 +13,15 @@ struct WallShape {
     spare_z: u32,
     translation: vec3f,
     spare_translation: u32,
-    // Of its box.
+    // Centre of its box.
     middle: vec3f,
     spare_middle: u32,
 }
 
 @group(0) @binding(50) var<storage, read> wall_shapes: array<WallShape>;
 
-// A segment, as long as so many of its directions; what is within a radius of it, and not behind either of the planes:
-// normals, and their products with any point of each.
+// A region: within `radius` of the segment from `origin` over `length` times `dir`, and not behind either plane.
+// Planes: a normal, and its product with any point of the plane.
 struct Around {
     origin: vec3f,
     length: f32,
@@ -43,21 +43,21 @@ const NO_MORE_WALLS: u32 = 0u;
 const WALL_TRIANGLE: u32 = 1u;
 const ROUND_WALL: u32 = 2u;
 
-// As boxes along the axes are tested.
+// A region, prepared for tests against axis-aligned boxes.
 struct AroundSpace { around: Around, inverse: vec3f, near: vec3u }
 
-// How far a search is.
+// State of a search.
 struct WallSearch {
     around: Around,
     space: AroundSpace,
-    // The object of a mesh whose own tree is searched, or none; what waits for the tree around.
+    // The object whose own BVH is being searched, or NOTHING; and the stack height at which the outer one resumes.
     within: u32,
     bottom: u32,
-    // The tree of slivers that is searched, or none; what waits for the tree around.
+    // The sliver tree being searched, or NOTHING; and the stack height at which the outer tree resumes.
     slivers: u32,
     slivers_bottom: u32,
     turned: TurnedRay,
-    // Four triangles, and by bits those of them that are near and not handed out.
+    // The current `Four`, and a bit mask of its near triangles that are not returned yet.
     four: u32,
     places: u32,
     waiting: u32,
@@ -70,7 +70,7 @@ fn around_space(around: Around) -> AroundSpace {
     return AroundSpace(around, inverse, near);
 }
 
-// In the space of an object: of what is near, a little more.
+// The region in an object's space, slightly enlarged.
 fn around_in(object: u32, around: Around) -> Around {
     let own = own_ray(object, around.origin, around.dir);
     var planes = around.planes;
@@ -91,7 +91,7 @@ fn out_of(object: u32, p: vec3f) -> vec3f {
         + wall_shapes[object].translation;
 }
 
-// Which boxes of a node, grown by the radius, the segment meets that are not all behind one of the planes.
+// Which boxes of a node, grown by the radius, the segment meets and are not entirely behind a plane.
 fn near_boxes(node: u32, space: AroundSpace) -> vec4<bool> {
     let radius = space.around.radius;
     var near = vec4f(0.0);
@@ -128,8 +128,8 @@ fn dot4(v: Vectors4, n: vec3f) -> vec4f { return v.x * n.x + v.y * n.y + v.z * n
 
 fn minus4(a: Vectors4, b: Vectors4) -> Vectors4 { return Vectors4(a.x - b.x, a.y - b.y, a.z - b.z); }
 
-// Which of four triangles are not behind one of the planes, nor before, beyond or beside the segment by more than the
-// radius, as far as their own planes tell.
+// Bit mask of the triangles of a `Four` that are not behind one of the planes, nor farther than the radius before,
+// beyond or beside the segment, judging by their own planes.
 fn near_triangles(four: u32, around: Around) -> u32 {
     let a = corner_of(four, 0u);
     let b = corner_of(four, 1u);
@@ -171,7 +171,7 @@ fn begin_walls(search: ptr<function, WallSearch>, around: Around) {
     (*search).waiting = 1u;
 }
 
-// Children that are nodes wait, the last on top, and above them the leaves, of which the first is next.
+// Pushes nodes, the last on top, then leaves above them, the first on top.
 fn push_walls(search: ptr<function, WallSearch>, is_met: vec4<bool>, children: vec4u) {
     for (var i = 0u; i < 4u; i++) {
         if (is_met[i] && (children[i] & LEAF) == 0u) {
@@ -251,7 +251,7 @@ fn next_wall(search: ptr<function, WallSearch>) -> WallNear {
     return WallNear(NO_MORE_WALLS, NOTHING, array<vec3f, 3>());
 }
 
-// One by the sign, also of zeros.
+// Like Rust's `signum`: 1 or -1, also for zeros; NaN stays.
 fn signum(x: f32) -> f32 { return select(x, with_sign(1.0, x), x == x); }
 
 fn unit_or_zero(v: vec3f) -> vec3f {
@@ -269,12 +269,12 @@ fn clamped(x: f32, low: f32, high: f32) -> f32 {
 fn nearest_of_edge(p: vec3f, q: vec3f) -> vec3f {
     let way = q - p;
     let t = quotient(-dot3(p, way), dot3(way, way));
-    // Not a number where both are one.
+    // NaN if both points coincide.
     if (!(t == t)) { return p; }
     return p + way * clamped(t, 0.0, 1.0);
 }
 
-// How far a round shape reaches along a direction: the largest product with any of its points.
+// How far a round shape extends along a direction: the largest product of `dir` with any of its points.
 fn reach_of(object: u32, dir: vec3f) -> f32 {
     let middle = dot3(wall_shapes[object].translation, dir);
     let x = dot3(wall_shapes[object].x_axis, dir);

@@ -1,4 +1,4 @@
-// In place of `aim.wgsl` where all photons start as their lights emit them.
+// Replaces `aim.wgsl` if no photons are aimed.
 
 fn is_aimed(light: u32) -> bool { return false; }
 

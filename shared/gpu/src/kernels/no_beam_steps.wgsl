@@ -1,4 +1,4 @@
-// In place of `beam_steps.wgsl` in scenes whose media are all the same everywhere.
+// Replaces `beam_steps.wgsl` in scenes where no medium's density varies.
 
 fn first_step(path: u32) -> u32 { return 0u; }
 

@@ -1,4 +1,4 @@
-// In place of `waves.wgsl` in scenes that split no light.
+// Replaces `waves.wgsl` in scenes without dispersion.
 
 fn may_see(path: u32, light: u32) -> bool { return true; }
 

@@ -1,4 +1,4 @@
-// In place of `hidden.wgsl` in scenes without walls: beams are seen from everywhere.
+// Replaces `hidden.wgsl` in scenes without walls: every point sees the beams.
 
 fn may_hide(segment: Segment, piece: Piece, t: f32, s: f32) -> bool { return false; }
 

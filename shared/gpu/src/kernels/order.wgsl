@@ -1,4 +1,4 @@
-// Where boxes are along a curve through all of them: Morton's, twenty bits an axis, as two words of thirty bits.
+// Morton codes of the centres of boxes: 20 bits per axis, in two words of 30 bits, the low one first.
 
 struct Bounds {
     low: vec3f,
@@ -9,11 +9,11 @@ struct Bounds {
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read> boxes: array<Bounds>;
-// The last is of all boxes.
+// The last one encloses all boxes.
 @group(1) @binding(2) var<storage, read> nodes: array<Bounds>;
 @group(1) @binding(3) var<storage, read_write> keys: array<vec2u>;
 
-// Ten bits, two zeros between each.
+// Spreads ten bits, with two zeros after each.
 fn spread(bits: u32) -> u32 {
     var x = bits;
     x = (x | (x << 16u)) & 0x030000ffu;
@@ -24,7 +24,7 @@ fn spread(bits: u32) -> u32 {
 
 fn interleaved(x: u32, y: u32, z: u32) -> u32 { return spread(x) | (spread(y) << 1u) | (spread(z) << 2u); }
 
-// In 2^20 steps from the least to the most; the least where there is no telling.
+// Centre of a range as a 20-bit fraction of the way from `least` to `most`; 0 if that is NaN.
 fn quantized(low: f32, high: f32, least: f32, most: f32) -> u32 {
     let steps = ((low * 0.5 + high * 0.5) - least) * quotient(1048576.0, most - least);
     return u32(select(select(0.0, steps, steps > 0.0), 1048575.0, steps > 1048575.0));

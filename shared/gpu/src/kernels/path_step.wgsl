@@ -1,6 +1,6 @@
 // Advances a camera path to its ray's hit: through the medium before it, by the light that it meets, and by the
 // surface's BSDF. Later kernels answer what it asks for. Follows `beamfarm_render::cpu::transport` term by term, but
-// where that both goes on and begins or continues a walk, chance picks one here.
+// chance picks between going on and starting a walk, where processors do both.
 //
 // Where a path splits, at smooth glass and smooth coats, one branch waits until the other has ended.
 

@@ -1,4 +1,4 @@
-// What was gathered along segments of camera paths is theirs, and what photons bring to their vertices.
+// Adds to camera paths what was gathered along their segments, and what photons bring to their vertices.
 
 struct Brought {
     radiance: vec3f,
@@ -14,7 +14,7 @@ struct Brought {
 @group(1) @binding(9) var<storage, read> gathered: array<Brought>;
 
 @group(1) @binding(10) var<storage, read_write> from_photons: array<vec3f>;
-// Of which group of lights it is, from 1 on; 0: of all.
+// Light group of this light, 1-based; 0: all light.
 @group(0) @binding(11) var<storage, read> of_light_group: u32;
 @group(1) @binding(45) var<storage, read> constants: PassConstants;
 
@@ -53,14 +53,14 @@ fn add_photons(
     let slot = on_way[i];
     let brought = from_photons[i];
     if (HAS_LIGHT_GROUPS) {
-        // Of the next group there is nothing yet.
+        // Clears the sum for the next group.
         from_photons[i] = vec3f(0.0);
         if (of_light_group > 0u) {
             found_of_group(slot, of_light_group, brought);
             return;
         }
     }
-    // It comes from surfaces and media, at first vertices too.
+    // Counts as indirect light even at first vertices.
     let own = y.part & OF_PART;
     let part = select(own, SURFACE_PART, own == DIRECT_PART);
     found[slot] = found_more(found[slot], part, brought);

@@ -1,5 +1,5 @@
-// Camera paths through media whose density varies: the segments that they leave there, with the transmittance along
-// them, and what becomes of the paths. Steps of segments are counted first, and then written where they belong.
+// Takes camera paths through media of varying density: estimates the transmittance along their segments, and scatters
+// the paths. Steps of segments are counted first, then written.
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read> on_way: array<u32>;
@@ -9,11 +9,11 @@
 @group(1) @binding(7) var<storage, read_write> segments: array<PathSegment>;
 @group(1) @binding(8) var<storage, read_write> tails: array<Tail>;
 @group(1) @binding(11) var<storage, read_write> rounds_taken: array<u32>;
-// By path: steps of its segment, and then those before it.
+// By path: number of steps of its segment; then their prefix sum.
 @group(1) @binding(12) var<storage, read_write> step_places: array<u32>;
 @group(1) @binding(13) var<storage, read> all_steps: array<u32>;
 @group(1) @binding(45) var<storage, read> constants: PassConstants;
-// By light, and then by medium.
+// By light, then by medium.
 @group(1) @binding(46) var<storage, read> uses: array<Use>;
 @group(1) @binding(57) var<storage, read_write> segment_steps: array<u32>;
 
@@ -30,7 +30,7 @@ fn keep_step(place: u32, walk: Walk) {
     segment_steps[at + 5u] = bitcast<u32>(walk.decay);
 }
 
-// Whether a path leaves a segment in its medium, and whether beams bring all that is scattered there.
+// Whether a path leaves a segment in its medium, and whether the medium may scatter the path.
 struct Asked {
     leaves: bool,
     flies: bool,
@@ -40,13 +40,13 @@ fn asked_of(path: Path) -> Asked {
     let is_served = uses[lighting.lights + path.medium].way == 1u;
     let is_passed = (path.phase == WALKS && is_served) || path.rest == 0.0;
     if (!medium_scatters(media[path.medium]) || is_passed) { return Asked(false, false); }
-    // Rays that look for light straight from lights alone leave no segment where paths are scattered.
+    // Rays that look only for direct light leave no segment in media that scatter paths.
     let is_left = constants.leave_beams == 1u && (path.flags & ONLY_DIRECT) == 0u;
     return Asked(is_served || is_left, !is_served);
 }
 
-// What becomes of a path: how many steps its segment has; with `writes`, these are written from a place on, and
-// everything else.
+// Crosses a medium and returns the number of steps of the path's segment. `writes`: also stores these from `place` on,
+// the segment and the tail.
 fn cross(i: u32, writes: bool, place: u32) -> u32 {
     let slot = on_way[i];
     let path = paths[slot];
@@ -62,7 +62,7 @@ fn cross(i: u32, writes: bool, place: u32) -> u32 {
     var seen = 0.0;
     var weight = vec3f(1.0);
     var distance = -1.0;
-    // Along the segment, where the path leaves one, and then of the path.
+    // First the transmittance along the segment, if the path leaves one; then the path itself.
     for (var k = select(1u, 0u, asked.leaves); k < 2u; k++) {
         let is_kept = k == 0u;
         if (!is_kept && (!writes || (asked.leaves && !asked.flies))) { break; }
@@ -87,7 +87,7 @@ fn cross(i: u32, writes: bool, place: u32) -> u32 {
         }
     }
     if (!writes) { return steps; }
-    // Of what there is no room for nothing is gathered: the pass is rendered again.
+    // Gathers nothing if the steps do not fit: the pass is rendered again.
     if (WORDS_OF_STEP * (place + steps) > arrayLength(&segment_steps)) { seen = 0.0; }
     let pixel = path.y * camera.width + path.x;
     segments[i] = PathSegment(

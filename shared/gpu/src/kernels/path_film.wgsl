@@ -1,8 +1,8 @@
-// The film: what each slot's path has found, to its pixel.
+// Copies what each slot's path has found to its pixel of the film.
 
 @group(1) @binding(2) var<storage, read> paths: array<Path>;
 @group(1) @binding(4) var<storage, read> found: array<Found>;
-// How the pass has gone, and then a pixel each; behind these, what pixels have of groups of lights.
+// Four records of statistics, then one per pixel; then those of light groups.
 @group(1) @binding(10) var<storage, read_write> film: array<Found>;
 @group(1) @binding(11) var<storage, read> alive_count: array<u32>;
 @group(1) @binding(12) var<storage, read> told: array<u32>;
@@ -25,10 +25,10 @@ fn to_film(
         }
     }
     if (slot == 0u) {
-        // How many paths have not ended; beams of the pass; photon paths that have not ended; steps.
+        // Unfinished camera paths and beams; unfinished photon paths and rounds.
         film[0] = Found(vec3f(0.0), alive_count[0], vec3f(0.0), told[0], vec3f(0.0), 0.0);
         film[1] = Found(vec3f(0.0), told[2], vec3f(0.0), rounds_taken[0], vec3f(0.0), 0.0);
-        // Of the transmittance in media whose density varies: along beams, and along the segments of a step; photons.
+        // Transmittance steps in media of varying density: along beams, and along a round's segments. Then photons.
         film[2] = Found(vec3f(0.0), told[3], vec3f(0.0), rounds_taken[1], vec3f(0.0), 0.0);
         film[3] = Found(vec3f(0.0), told[1], vec3f(0.0), 0u, vec3f(0.0), 0.0);
     }

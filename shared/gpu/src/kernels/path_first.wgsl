@@ -1,5 +1,4 @@
-// The first surface that each pixel's path meets, whatever else becomes of the path: for layers beside the picture.
-// Boundaries of media are none.
+// The first surface met by each pixel's path, for AOV layers. Pure boundaries of media do not count.
 
 @group(1) @binding(2) var<storage, read> paths: array<Path>;
 @group(1) @binding(3) var<storage, read> samplers: array<Sampler>;
@@ -12,17 +11,17 @@ struct First {
     // Distance along the camera's axis.
     depth: f32,
     albedo: vec3f,
-    // Its object; NONE where there is no surface.
+    // NONE if there is no surface.
     object: u32,
 }
 
 // By pixel.
 @group(1) @binding(10) var<storage, read_write> firsts: array<First>;
 
-// More than a ray has in its way.
+// More surfaces than any ray passes.
 const MOST_PASSED: u32 = 4096u;
 
-// Once paths have started.
+// Runs once paths have started.
 @compute @workgroup_size(64)
 fn find_first(
     @builtin(workgroup_id) group: vec3u,
@@ -33,7 +32,7 @@ fn find_first(
     if (slot >= constants.slots) { return; }
     let path = paths[slot];
     if (path.x >= camera.width || path.y >= camera.height) { return; }
-    // Its own copy: the path goes on with the same numbers.
+    // A copy: the path itself draws the same numbers.
     var s = samplers[slot];
     var ray = Ray(path.origin, path.dir);
     var first = First(vec3f(0.0), 0.0, vec3f(0.0), NONE);

@@ -1,4 +1,4 @@
-// Light that comes straight from lights and is scattered once along segments of media whose light beams bring.
+// Single scattering of direct light along segments, in media whose light beams bring.
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read> on_way: array<u32>;

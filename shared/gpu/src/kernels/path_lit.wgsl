@@ -1,4 +1,4 @@
-// Direct light at vertices of camera paths: lights are sampled, and shadow rays tell what is in their way.
+// Direct light at vertices of camera paths: light sampling and shadow rays.
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read> on_way: array<u32>;
@@ -11,8 +11,8 @@
 // By light.
 @group(1) @binding(46) var<storage, read> uses: array<Use>;
 
-// Light of a sample before it is known what is in its way, on what does not see so much; over the path's throughput and
-// how often it is chosen.
+// A light sample, MIS-weighted and unoccluded, without the path's throughput and the light's pmf. `hides`: class bits
+// of what the shadow ray does not see.
 fn light_at(
     i: u32,
     y: PathVertex,
@@ -21,7 +21,7 @@ fn light_at(
     frame: Frame,
     hides: u32,
 ) -> vec3f {
-    // Of a lobe that is followed, the path sees emission of what it passes as well.
+    // By a followed lobe, the path also sees emission of what it passes.
     var is_sampled_alone = direct.unmet || (only_sampled_by_paths(chosen.light) && y.kind != ON_THE_WAY);
     if (y.kind == FIRST || y.kind == ON_THE_WAY) {
         is_sampled_alone |= light_sources[chosen.light].hides != 0u || hides_shape_of(hides, chosen.light);
@@ -44,8 +44,7 @@ fn light_at(
     if (all(f == vec3f(0.0))) { return f; }
     var share = 1.0;
     if (is_last) {
-        // Photons find their way from here to the first surface where nothing here depends on the side that it is seen
-        // from.
+        // Photons get from here to the first surface only if nothing here depends on the viewing side.
         let cos_out = dot3(y.ng, y.wo);
         if (y.from_projected > 0.0 && !has_map(y.shadowing) && local_wo.z * cos_out > 0.0) {
             let hit = LightHit(direct.normal, direct.distance, direct.triangle);
@@ -95,7 +94,7 @@ fn lit(
         if (!(direct.pdf > 0.0)) { continue; }
         var hides = shadow;
         if ((y.part & BY_GATHER_RAY) != 0u) {
-            // As photons would bring it from here to a surface from which they do not see this.
+            // As the light's photons would bring it from here to the first surface.
             hides = light_sources[chosen.light].photon_hides;
             let is_passed = (objects[at.object].classes & hides) != 0u;
             if (is_passed || hides_light(lights_of(y.part), chosen.light)) { continue; }
@@ -103,7 +102,7 @@ fn lit(
             continue;
         }
         if ((y.kind == ON_THE_WAY && lighting.has_rules == 1u) || (y.part & OF_GLOSS) != 0u) {
-            // As the path goes on by the same lobe, which may meet the light as well.
+            // As the path sees it that goes on by the same lobe and may meet the light.
             let seen = hidden_in(at.object, dot3(y.ng, direct.wi) * side < 0.0);
             if (hides_light(seen, chosen.light) || hides_shape_of(seen, chosen.light)) { continue; }
             if (y.kind == ON_THE_WAY) { hides = seen; }

@@ -1,10 +1,10 @@
-// What the rays of camera paths meet.
+// Traces the rays of camera paths.
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read> on_way: array<u32>;
 @group(1) @binding(2) var<storage, read> paths: array<Path>;
 @group(1) @binding(5) var<storage, read_write> met: array<SurfacePoint>;
-// What photons bring, of which there is nothing yet.
+// Light from photons, cleared here.
 @group(1) @binding(10) var<storage, read_write> from_photons: array<vec3f>;
 
 @compute @workgroup_size(64)

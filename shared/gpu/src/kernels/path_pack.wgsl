@@ -1,12 +1,12 @@
-// Slots of paths that go on, in their order.
+// Compacts the slots of live paths, in order.
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read> on_way: array<u32>;
 @group(1) @binding(2) var<storage, read> paths: array<Path>;
-// 1 for each that goes on; or how many go on before each.
+// 1 for each live path; then the prefix sum.
 @group(1) @binding(9) var<storage, read_write> alive: array<u32>;
 @group(1) @binding(10) var<storage, read_write> next_on_way: array<u32>;
-// How often any were on their way.
+// Number of rounds.
 @group(1) @binding(11) var<storage, read_write> rounds_taken: array<u32>;
 
 @compute @workgroup_size(64)

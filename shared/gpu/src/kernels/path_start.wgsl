@@ -1,4 +1,4 @@
-// Camera paths start: one in each slot, 64 slots a square of 8 x 8 pixels.
+// Starts camera paths, one per slot; 64 slots are a tile of 8 x 8 pixels.
 
 @group(1) @binding(0) var<storage, read_write> paths: array<Path>;
 @group(1) @binding(1) var<storage, read_write> samplers: array<Sampler>;
@@ -6,28 +6,28 @@
 @group(1) @binding(3) var<storage, read_write> on_way: array<u32>;
 @group(1) @binding(45) var<storage, read> constants: PassConstants;
 
-// Parts along a side of the lens, and of a part.
+// Parts per side of the lens, and per side of a part.
 const LENS_PARTS: f32 = 4.0;
 
-// Every second bit.
+// Gathers every second bit, from the lowest on.
 fn every_second(i: u32) -> u32 {
     return (i & 1u) | ((i >> 1u) & 2u) | ((i >> 2u) & 4u) | ((i >> 3u) & 8u) | ((i >> 4u) & 16u);
 }
 
-// The other way about.
+// The inverse.
 fn spread(i: u32) -> u32 {
     return (i & 1u) | ((i & 2u) << 1u) | ((i & 4u) << 2u) | ((i & 8u) << 3u) | ((i & 16u) << 4u);
 }
 
 fn part_of_lens(u: vec2f) -> vec2f { return floor(u * LENS_PARTS); }
 
-// Where a ray goes through the square that becomes the lens: tiles of 32 x 32 pixels have a part of it, and blocks of
-// 4 x 4 a part of that.
+// Where a ray goes through the unit square that is mapped to the lens: each tile of 32 x 32 pixels has a part of it,
+// and each block of 4 x 4 a part of that.
 fn on_lens(pixel: vec2u, u: vec2f) -> vec2f {
     if (constants.by_parts == 0u) { return u; }
     let tile = pixel / 32u * 32u;
     let inside = pixel - tile;
-    // Along a Z curve.
+    // In Morton order.
     let block = (spread(inside.x) | (spread(inside.y) << 1u)) / 16u;
     var cells = sampler_even(constants.lens_stream, tile);
     let of_tile = part_of_lens(next_2d(&cells)) * 0.25;

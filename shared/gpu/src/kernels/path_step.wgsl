@@ -1,8 +1,8 @@
-// A camera path goes on from where its ray has met something: through the medium before, by the light that is there,
-// and by what the surface does; what else is asked for there is left to the kernels that follow. Term by term as on
-// processors: `beamfarm_render::cpu::transport`, but that of two ways, on or into a walk, one is gone by chance.
+// Advances a camera path to its ray's hit: through the medium before it, by the light that it meets, and by the
+// surface's BSDF. Later kernels answer what it asks for. Follows `beamfarm_render::cpu::transport` term by term, but
+// chance picks between going on and starting a walk, where processors do both.
 //
-// Where it splits in two, on smooth glass and on smooth coats, one of its branches waits until the other has ended.
+// Where a path splits, at smooth glass and smooth coats, one branch waits until the other has ended.
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read> on_way: array<u32>;
@@ -14,36 +14,36 @@
 @group(1) @binding(7) var<storage, read_write> segments: array<PathSegment>;
 @group(1) @binding(8) var<storage, read_write> tails: array<Tail>;
 @group(1) @binding(9) var<storage, read_write> requests: array<PhotonRequest>;
-// Branches that wait: the first of each slot, then the second of each, and so on.
+// Waiting branches: the first of each slot, then the second of each, and so on.
 @group(1) @binding(10) var<storage, read_write> branches: array<Branch>;
-// Of the surface at a vertex, the lobes from which light is asked for.
+// By vertex: the surface's lobes that ask for light.
 @group(1) @binding(11) var<storage, read_write> asked_surfaces: array<Material>;
 @group(1) @binding(45) var<storage, read> constants: PassConstants;
-// By light, and then by medium.
+// By light, then by medium.
 @group(1) @binding(46) var<storage, read> uses: array<Use>;
 
-// From so many turns on paths that only specular surfaces have turned end by chance.
+// Bounces from which on purely specular paths face Russian roulette.
 const DEPTH_OF_DELTAS: u32 = 24u;
-// From so many on every path does.
+// Bounces from which on survival is at most MOST_TRAPPED.
 const TRAPPED_DEPTH: u32 = 1024u;
 const MOST_TRAPPED: f32 = 0.999f;
-// Paths go on with so many times their throughput.
+// Survival probability over throughput.
 const ROULETTE_FACTOR: f32 = 2.0;
-// Throughput from which on a path surely goes on from the first surface.
+// Throughput from which on a path always goes on from its first surface.
 const SURE_THROUGHPUT: f32 = 0.5;
-// Whether paths from the camera go both of two ways anywhere.
+// Whether camera paths split anywhere in the scene.
 const MAY_SPLIT: bool = HAS_GLASS || HAS_PLASTIC;
-// Share of a pixel's light below which a branch does not split any more, but goes one way by chance.
+// Share of a pixel's light below which a branch no longer splits, but goes one way by chance.
 const MIN_SHARE: f32 = 0.001;
-// Share from which on branches surely look for everything.
+// Share from which on branches always look for everything.
 const FULL_SHARE: f32 = 0.3;
 const BELOW_ONE: f32 = 0.99999994;
-// Optical depth that lets nothing through that counts.
+// Optical depth that counts as opaque.
 const OPAQUE_DEPTH: f32 = 18.0;
 
 fn is_dark(v: vec3f) -> bool { return all(v == vec3f(0.0)); }
 
-// The distance beyond which no channel that scatters lets anything through that counts.
+// Distance beyond which all scattering channels are opaque.
 fn medium_reach(m: Medium) -> f32 {
     var smallest = of_bits(INFINITY);
     for (var c = 0u; c < 3u; c++) {
@@ -52,8 +52,7 @@ fn medium_reach(m: Medium) -> f32 {
     return quotient(OPAQUE_DEPTH, smallest);
 }
 
-// With which probability a path of so many scatterings goes on, by what it has been given; then it is divided by that.
-// Zero: it has ended.
+// Russian roulette: returns the survival probability, to divide the throughput by, or zero if the path ends.
 fn survival(q_given: f32, depth: u32, s: ptr<function, Sampler>) -> f32 {
     var q = q_given;
     if (depth > TRAPPED_DEPTH && q > MOST_TRAPPED) { q = MOST_TRAPPED; }
@@ -83,7 +82,7 @@ fn weigh(path: ptr<function, Path>, weight: vec3f) {
 
 fn wave_of(path: Path) -> u32 { return (path.flags & OF_WAVE) >> WAVE_OF_PATH; }
 
-// The path's throughput for light, with the weight of its wavelength.
+// Throughput including the weight of the path's wavelength.
 fn tinted(path: Path) -> vec3f {
     if (!DISPERSES) { return path.beta; }
     let wave = wave_of(path);
@@ -92,7 +91,7 @@ fn tinted(path: Path) -> vec3f {
     return path.beta * vec3f(weight[0], weight[1], weight[2]);
 }
 
-// What light that a walk finds counts as.
+// Part that a walk's light counts as.
 fn part_or(path: Path, part: u32) -> u32 { return select(part, VOLUME_PART, (path.flags & IN_VOLUME) != 0u); }
 
 fn part_of_met(path: Path) -> u32 {
@@ -100,10 +99,10 @@ fn part_of_met(path: Path) -> u32 {
     return part_or(path, select(SURFACE_PART, DIRECT_PART, path.depth == 0u));
 }
 
-// Whether the path's direction was drawn at its first vertex, or by a lobe that it followed before that.
+// Whether the direction was drawn at the first vertex, or by a lobe followed before it.
 fn is_drawn_early(path: Path) -> bool { return path.phase == FROM_CAMERA || (path.flags & IS_FIRST) != 0u; }
 
-// Whether rules keep a light off where the path's direction was drawn, or leave it to samples.
+// Whether rules keep a light off the vertex where the direction was drawn, or leave it to light sampling.
 fn is_hidden_where_drawn(path: Path, light: u32) -> bool {
     if (!is_drawn_early(path)) { return hides_light(lighting.gather_hides, light); }
     let is_left = (path.flags & NO_DIRECT) != 0u || light_sources[light].hides != 0u;
@@ -114,11 +113,11 @@ fn is_hidden_where_drawn(path: Path, light: u32) -> bool {
     return is_left || hides_light(surfaces[path.surface].shadow, light);
 }
 
-// Weight of light that a path has met, against its samples where the direction was drawn, or against photons.
+// MIS weight of light that the path meets, against light sampling where its direction was drawn, or against photons.
 fn share_of_met(path: Path, light: u32, at: LightHit) -> f32 {
     if ((path.flags & WAS_LIT) == 0u) {
         if (path.phase == FROM_CAMERA) { return 1.0; }
-        // Its photons would leave nothing either.
+        // The light's photons would leave nothing either.
         if (lighting.has_rules == 1u && hides_light(lighting.gather_hides, light)) { return 0.0; }
         if (uses[light].way == CAUSTICS_BY_PATHS) { return 1.0; }
         let in_caustic = uses[light].in_caustic;
@@ -135,7 +134,7 @@ fn share_of_met(path: Path, light: u32, at: LightHit) -> f32 {
     return power_heuristic(path.density, pdf_direct(light, path.point, path.dir, at) * samples);
 }
 
-// Light that the path meets: of what is all around, or of the surface.
+// Emission of the environment, or of the surface hit.
 fn met_light(path: Path, at: SurfacePoint, slot: u32) -> vec3f {
     var sum = vec3f(0.0);
     var light = 0u;
@@ -169,13 +168,13 @@ fn met_light(path: Path, at: SurfacePoint, slot: u32) -> vec3f {
     return tinted(path) * sum;
 }
 
-// All but the light that a path from the camera meets is all that is looked for from here on.
+// From here on, a camera path only looks for the rest: all light but what it meets.
 fn look_for_rest(path: ptr<function, Path>) {
     (*path).beta *= (*path).rest;
     (*path).rest = 1.0;
 }
 
-// Through a medium up to `length`; the distance at which the path is scattered there, or -1.
+// Crosses a medium up to `length`. Returns the distance of a scattering, or -1.
 fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function, Sampler>) -> f32 {
     let id = (*path).medium;
     let medium = media[id];
@@ -207,7 +206,7 @@ fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function,
     return fly(path, sample_flight(medium, (*path).beta, length, next_2d(s)));
 }
 
-// The same where the density varies: it is known what has become of the path there.
+// The same for varying density, where `path_cross.wgsl` has decided what becomes of the path.
 fn cross_varying(path: ptr<function, Path>, i: u32) -> f32 {
     let crossing = tails[i];
     let distance = bitcast<f32>(crossing.part);
@@ -224,12 +223,11 @@ fn cross_varying(path: ptr<function, Path>, i: u32) -> f32 {
 
 fn is_crossed(i: u32) -> bool { return !(segments[i].crossed == 0u); }
 
-// A path passes or is scattered.
+// Applies a flight: the path passes or scatters.
 fn fly(path: ptr<function, Path>, flight: Flight) -> f32 {
     let walks = (*path).phase == WALKS;
     let is_wanted = ((*path).flags & ONLY_DIRECT) == 0u;
     if (flight.scattered == 1u && !walks) {
-        // A walk begins.
         (*path).phase = WALKS;
         (*path).track = vec3f(1.0);
         (*path).depth = 0u;
@@ -244,7 +242,7 @@ fn fly(path: ptr<function, Path>, flight: Flight) -> f32 {
     return select(-1.0, flight.distance, flight.scattered == 1u);
 }
 
-// A path is scattered in a medium: direct light is asked for, and it goes on in another direction.
+// Scatters a path in a medium: asks for direct light and draws a new direction.
 fn scatter(path: ptr<function, Path>, i: u32, distance: f32, s: ptr<function, Sampler>) {
     let point = (*path).origin + (*path).dir * distance;
     let dir = (*path).dir;
@@ -269,15 +267,15 @@ fn scatter(path: ptr<function, Path>, i: u32, distance: f32, s: ptr<function, Sa
     survive_walk(path, s);
 }
 
-// A ray leaves a surface, in the medium beyond or in that which it came through.
+// Starts the path's ray off a surface.
 fn leave(path: ptr<function, Path>, at: SurfacePoint, dir: vec3f) {
     let ray = spawn_ray(at, dir);
     (*path).origin = ray.origin;
     (*path).dir = ray.dir;
 }
 
-// Photons are asked for what they bring to a surface. `value`: of the BSDF where it is the same for all directions on
-// the side of wo, times the throughput; or else, the throughput.
+// Asks for photons at a surface. `value`: the throughput; without `by_bsdf` times the BSDF's value, which is constant
+// on the side of wo.
 fn ask_photons(i: u32, y: PathVertex, value: vec3f, by_bsdf: bool, photon_scale: f32) {
     var kind = ALL_COUNTED;
     var density = 0.0;
@@ -306,19 +304,19 @@ fn ask_photons(i: u32, y: PathVertex, value: vec3f, by_bsdf: bool, photon_scale:
 // How a path leaves a surface.
 struct Turn {
     sample: BsdfSample,
-    // Index inside over the one outside, where light is bent.
+    // Index inside over outside, if light is refracted.
     eta: f32,
-    // Factor on the photons that are seen here.
+    // Factor on the photons seen here.
     photon_scale: f32,
     is_followed: bool,
     is_first: bool,
-    // Gloss that obeys rules of its own.
+    // Gloss with rules of its own.
     is_gloss: bool,
     // The surface is lit from one side.
     faces: bool,
 }
 
-// Another way that the path goes as well, and what differs there; of no share: none.
+// A second branch, and what differs in it; share 0: none.
 struct OtherWay {
     beta: vec3f,
     share: f32,
@@ -330,13 +328,12 @@ struct OtherWay {
 const NO_OTHER_WAY: OtherWay =
     OtherWay(vec3f(0.0), 0.0, vec3f(0.0), 0.0, BsdfSample(vec3f(0.0), 0.0, vec3f(0.0), 0u));
 
-// Whether a branch more can wait.
+// Whether the path may split once more.
 fn may_split(path: Path) -> bool {
     return (path.splits & WAITING) < constants.branches && (path.splits >> SPLITS_OF_PATH) < constants.splits;
 }
 
-// One of two ways that are both gone. The rest is looked for as often as the branch has a share, with the inverse as
-// its weight.
+// One of two branches. It looks for the rest with a probability in proportion to its share, weighted by the inverse.
 fn one_way(path: Path, sample: BsdfSample, s: ptr<function, Sampler>) -> OtherWay {
     let p = sample.pdf;
     let by_both = BsdfSample(sample.wi, p, sample.weight * p, sample.flags);
@@ -349,7 +346,7 @@ fn one_way(path: Path, sample: BsdfSample, s: ptr<function, Sampler>) -> OtherWa
     return way;
 }
 
-// At smooth glass: both of two ways, where both are worth the while.
+// Smooth glass: goes both ways, if both are worthwhile.
 fn split_at_glass(
     path: ptr<function, Path>,
     m: Material,
@@ -364,7 +361,7 @@ fn split_at_glass(
         weak = strong;
         strong = other;
     }
-    // The same twice, where there is one way alone.
+    // Both samples are the same if there is only one way.
     if (strong.pdf >= 1.0 || (*path).share * weak.pdf < MIN_SHARE || !may_split(*path)) { return NO_OTHER_WAY; }
     let other = one_way(*path, weak, s);
     let own = one_way(*path, strong, s);
@@ -375,8 +372,8 @@ fn split_at_glass(
     return other;
 }
 
-// At a smooth coat: the path goes on along its reflection, or the base is all that counts, by chance. The reflection is
-// looked at in either case, for the light that it meets.
+// Smooth coat: chance decides whether the path follows the reflection, or only the base counts. The reflection is
+// traced in either case, for the light that it meets.
 fn split_at_coat(
     path: ptr<function, Path>,
     m: Material,
@@ -389,7 +386,7 @@ fn split_at_coat(
     if (is_coat_alone && !(*lobe).is_followed) { *lobe = OneLobe(m, 1.0, 0.0, true, true); }
     if (!is_coat_alone && ((*path).share * p < MIN_SHARE || !may_split(*path))) { return NO_OTHER_WAY; }
     if ((*lobe).is_followed) {
-        // Its samples hold the probability.
+        // Samples of the reflection contain its probability.
         (*path).beta *= p;
         (*path).share *= p;
         (*path).rest = quotient((*path).rest, p);
@@ -399,14 +396,14 @@ fn split_at_coat(
     return OtherWay((*path).beta, (*path).share * p, quotients((*path).track, p), 0.0, reflection);
 }
 
-// Which rules an object's rays obey: bits of surfaces.
+// Bits of the rules that an object's rays obey.
 fn rules_of(object: u32) -> u32 {
     if (lighting.has_rules == 0u) { return ONE_RAY | GATHERS | IS_GATHERED; }
     return surfaces[object].bits;
 }
 
-// A surface: light is asked for where it is due, and it is drawn where the path goes on, unless it ends by this. Where
-// it goes as well is returned.
+// At a surface: asks for light where it is due and draws how the path goes on, unless it ends. Returns a second branch,
+// if any.
 fn meet_surface(
     path: ptr<function, Path>,
     i: u32,
@@ -422,7 +419,7 @@ fn meet_surface(
     var other = NO_OTHER_WAY;
     let was_lit = ((*path).flags & WAS_LIT) != 0u;
     if (!walks && was_lit) {
-        // Of a followed lobe, that sees the lights beyond before it ends by chance.
+        // A followed lobe sees the lights beyond it before roulette may end the path.
         survive(path, ROULETTE_FACTOR * largest_channel((*path).track), s);
         if ((*path).phase == ENDED) { return other; }
     }
@@ -434,7 +431,7 @@ fn meet_surface(
     let of_rules = rules_of(at.object);
     (*turn).is_gloss = false;
     if (is_first && (of_rules & IS_GLOSS_RULED) != 0u) {
-        // Gloss and what is beneath obey different rules: one of the two.
+        // Gloss and base obey different rules: take one of them.
         let one = gloss_or_base(lobe.material, local_wo, next_1d(s));
         (*turn).is_gloss = one.is_followed;
         lobe.material = one.material;
@@ -442,7 +439,7 @@ fn meet_surface(
     }
     let m = lobe.material;
     if (m.kind == BLACK || (walks && lobe.is_followed && constants.photons_go_on == 1u)) {
-        // What comes by way of followed lobes is in photons.
+        // Photons bring light that arrives by followed lobes.
         (*path).phase = ENDED;
         return other;
     }
@@ -459,7 +456,7 @@ fn meet_surface(
     }
     (*turn).photon_scale = 1.0;
     if (is_first && is_glossy(m)) { (*turn).photon_scale = constants.on_gloss; }
-    // Nothing but what a smooth lobe reflects is found by the path alone.
+    // Only what a delta lobe reflects is left to the path alone.
     if (!lobe.is_followed || (!walks && !lobe.is_smooth && (*path).rest > 0.0)) {
         var y = PathVertex(
             at.point, ON_THE_WAY, at.ng, (*path).medium, of_surface.frame.n, DIRECT_PART, wo, 0.0,
@@ -478,7 +475,7 @@ fn meet_surface(
                 y.kind = LAST;
                 let from_gloss = ((*path).flags & IS_GLOSS) != 0u;
                 if (constants.ends == ENDS_AT_SECOND && !from_gloss && (of_rules & IS_GATHERED) == 0u) {
-                    // Photons bring its light to where the path has come from.
+                    // Photons bring its light to where the path came from.
                     (*path).phase = ENDED;
                     return other;
                 }
@@ -506,7 +503,7 @@ fn meet_surface(
         }
     }
     if (is_first) {
-        // Where fog hides most of it, what the path brings is not worth one each time.
+        // Behind dense fog, the path is not worth following every time.
         let q = quotient(largest_channel((*path).beta), SURE_THROUGHPUT);
         if (q < 1.0) {
             if (!(next_1d(s) < q)) {
@@ -526,7 +523,7 @@ fn meet_surface(
     return other;
 }
 
-// A path leaves a surface as drawn, unless it ends by that. Whether it crosses the surface.
+// Leaves a surface as drawn, unless the path ends. Returns whether it crosses the surface.
 fn turn_at(
     path: ptr<function, Path>,
     at: SurfacePoint,
@@ -552,7 +549,7 @@ fn turn_at(
     weigh(path, sample.weight);
     let is_transmitted = (sample.flags & TRANSMITTED) != 0u;
     if (is_transmitted) {
-        // The compression of radiance by refraction comes and goes along the path.
+        // Refraction's compression of radiance comes and goes along the path.
         var eta = turn.eta;
         if (!(dot3(at.ng, (*path).dir) > 0.0)) { eta = quotient(1.0, eta); }
         (*path).track = quotients((*path).track, eta * eta);
@@ -586,7 +583,7 @@ fn turn_at(
         if (((*path).flags & IS_BLURRED) != 0u) {
             q = ROULETTE_FACTOR * largest_channel((*path).track);
         } else if ((*path).depth > DEPTH_OF_DELTAS) {
-            // What is sharp has no noise but that of roulette, which comes late and looks at the reflectance alone.
+            // Sharp paths have no noise but roulette's, which comes late and depends on the reflectance alone.
             q = largest_channel(sample.weight);
         }
         survive(path, q, s);
@@ -603,7 +600,7 @@ fn turn_at(
         if (!turn.is_gloss && (of_rules & GATHERS) == 0u) {
             (*path).flags |= ONLY_DIRECT;
         } else if (turn.is_gloss || (of_rules & ONE_RAY) == 0u) {
-            // One of two rays, as often.
+            // One of the two rays, with equal probability.
             (*path).flags |= select(NO_DIRECT, ONLY_DIRECT, next_1d(s) < 0.5);
             (*path).beta *= 2.0;
         }
@@ -618,7 +615,7 @@ fn goes_on(path: Path) -> bool { return path.phase > ENDED && largest_channel(pa
 
 fn place_of_branch(slot: u32, number: u32) -> u32 { return number * constants.slots + slot; }
 
-// A branch waits: the last one that the path has left by now.
+// Pushes a branch of the path.
 fn wait(path: ptr<function, Path>, slot: u32, b: Path) {
     branches[place_of_branch(slot, (*path).splits & WAITING)] = Branch(
         b.origin, b.medium, b.dir, b.depth, b.beta, b.flags, b.track, b.surface, b.share, b.rest,
@@ -626,7 +623,7 @@ fn wait(path: ptr<function, Path>, slot: u32, b: Path) {
     (*path).splits += 1u;
 }
 
-// The last branch that waits goes on.
+// Goes on with the last waiting branch.
 fn take_up(path: ptr<function, Path>, slot: u32) {
     (*path).splits -= 1u;
     let b = branches[place_of_branch(slot, (*path).splits & WAITING)];
@@ -697,7 +694,7 @@ fn go_on(
                 }
                 other = meet_surface(&path, i, at, of_surface, &turn, &s);
             }
-            // The other way first, and then its own.
+            // The second branch first, then the path itself.
             for (var way = select(1u, 0u, MAY_SPLIT && other.share > 0.0); way < 2u; way++) {
                 var branch = path;
                 if (MAY_SPLIT && way == 0u) {

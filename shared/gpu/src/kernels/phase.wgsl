@@ -1,7 +1,6 @@
-// Phase functions: isotropic scattering, Henyey-Greenstein's, of which that is g = 0, and blends of two of these.
-// `world/media.rs` has the same structs.
+// Phase functions: isotropic (g = 0), Henyey-Greenstein, and blends of two. `world/media.rs` has the same structs.
 //
-// Cosines are those between the old and the new direction of travel: 1 is straight on.
+// Cosines are between the old and the new direction of travel: 1 is straight on.
 
 struct PhaseLobe {
     // (1 - g^2) / (4 pi).
@@ -14,14 +13,14 @@ struct PhaseLobe {
     sign: f32,
 }
 
-// The values of both lobes add up.
+// Sum of two lobes.
 struct Phase {
     first: PhaseLobe,
     second: PhaseLobe,
-    // Mean cosines of both.
+    // Mean cosines.
     first_g: f32,
     second_g: f32,
-    // Share of the second; 0 where there is one lobe.
+    // Share of the second lobe; 0 if there is only one.
     weight: f32,
 }
 
@@ -36,38 +35,37 @@ fn phase_lobe_eval_directions(lobe: PhaseLobe, old: vec3f, new_: vec3f) -> f32 {
     return phase_lobe_value(lobe, lobe.peak + 0.5 * lobe.slope * dot3(way, way));
 }
 
-// Value in 1/sr, which is the density of sampling it as well.
+// Value, 1/sr; also the pdf of sampling it.
 fn phase_eval(phase: Phase, cosine: f32) -> f32 {
     let value = phase_lobe_eval(phase.first, cosine);
     if (phase.weight > 0.0) { return value + phase_lobe_eval(phase.second, cosine); }
     return value;
 }
 
-// The same for two unit directions of travel: all digits even at the peak.
+// The same for two unit vectors, accurate even at the peak.
 fn phase_eval_directions(phase: Phase, old: vec3f, new_: vec3f) -> f32 {
     let value = phase_lobe_eval_directions(phase.first, old, new_);
     if (phase.weight > 0.0) { return value + phase_lobe_eval_directions(phase.second, old, new_); }
     return value;
 }
 
-// The largest value.
 fn phase_peak(phase: Phase) -> f32 {
     let value = phase_lobe_value(phase.first, phase.first.peak);
     if (phase.weight > 0.0) { return value + phase_lobe_value(phase.second, phase.second.peak); }
     return value;
 }
 
-// A new direction of travel; the weight of the sample is 1.
+// Samples a new direction of travel, with weight 1.
 fn phase_sample(phase: Phase, dir: vec3f, u: vec2f) -> vec3f {
     if (!(phase.weight > 0.0)) { return phase_lobe_sample(phase.first_g, dir, u); }
-    // Once it is chosen, the rest of the number is uniform again.
+    // Within the chosen lobe, the number is uniform again.
     if (u.x < phase.weight) { return phase_lobe_sample(phase.second_g, dir, vec2f(quotient(u.x, phase.weight), u.y)); }
     return phase_lobe_sample(phase.first_g, dir, vec2f(quotient(u.x - phase.weight, 1.0 - phase.weight), u.y));
 }
 
 fn phase_lobe_sample(g: f32, dir: vec3f, u: vec2f) -> vec3f {
     let a = abs(g);
-    // The inverted cumulative distribution, solved for v = 1 - s cos.
+    // Inverse CDF, solved for v = 1 - s cos.
     let d = (1.0 - a) + 2.0 * a * (1.0 - u.x);
     let ratio = quotient(1.0 - a, d);
     let v = 2.0 * ratio * ratio * u.x * (1.0 + a * (1.0 - u.x));

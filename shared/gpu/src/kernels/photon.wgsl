@@ -1,21 +1,21 @@
-// Surface photons, as `photons/mod.rs` lays them out.
+// Surface photons, laid out as in `photons/mod.rs`.
 
 struct SurfacePhoton {
     point: vec3f,
     radius: f32,
     ng: vec3f,
-    // Photons of its path in its kernel, where BY_BOTH.
+    // For BY_BOTH: expected number of photons in its kernel, without the camera path's pdf.
     expected: f32,
     wi: vec3f,
-    // How it arrived, by which lobes it is seen, above WAVE_OF_PHOTON the wavelength of its light, from 1 on, or 0, and
-    // above LIGHT_GROUP_OF_PHOTON the group of its light, likewise.
+    // How it arrived; which lobes see it; above WAVE_OF_PHOTON its wavelength, and above LIGHT_GROUP_OF_PHOTON its
+    // light group, both 1-based, 0: none.
     arrival: u32,
     power: vec3f,
-    // Which technique finds its light, and the bit of that light's class.
+    // Technique that finds its light; from bit 8 on, that light's class bit.
     found_by: u32,
-    // Walls that cross the kernel: all are where the offset from the photon times this is above 1, if it is a number.
+    // Walls cross the kernel only where the dot product of this with the offset is above 1; NaN: no such bound.
     beyond: vec3f,
-    // How high above the surface they are asked for; zero where none crosses.
+    // Height above the surface at which to test for walls; zero if none crosses.
     height: f32,
 }
 
@@ -25,7 +25,7 @@ const ARRIVED_CAUSTIC: u32 = 1u;
 const ARRIVED_SCATTERED: u32 = 2u;
 const ARRIVED_SURFACE: u32 = 3u;
 
-// With these: by lobes that paths follow, or by others.
+// Seen by lobes that paths do not follow; by those that they follow.
 const SEEN_BY_WIDE_LOBES: u32 = 0x100u;
 const SEEN_BY_FOLLOWED_LOBES: u32 = 0x200u;
 
@@ -36,11 +36,11 @@ fn arrival_of(word: u32) -> u32 { return word & 0xffu; }
 
 fn wave_of_photon(word: u32) -> u32 { return (word >> WAVE_OF_PHOTON) & 15u; }
 
-// Which technique finds a photon's light.
+// Technique that finds a photon's light.
 const BY_PHOTONS: u32 = 0u;
 const BY_PATHS: u32 = 1u;
 const BY_BOTH: u32 = 2u;
-// Paths from everywhere: rules keep it off the surface that the photon is on.
+// Paths from anywhere: rules keep the light off the photon's surface.
 const BY_PATHS_BY_RULE: u32 = 3u;
 
 fn technique_of(word: u32) -> u32 { return word & 0xffu; }

@@ -1,4 +1,4 @@
-// Boxes around the kernels of photons, and the photons in the order of the hierarchy over these.
+// Bounding boxes of photon kernels, and the photons in the order of the BVH over them.
 
 struct Bounds {
     low: vec3f,
@@ -10,12 +10,11 @@ struct Bounds {
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read> photons: array<SurfacePhoton>;
 @group(1) @binding(2) var<storage, read_write> boxes: array<Bounds>;
-// In the second words, the numbers of photons in the order of the hierarchy.
+// y: photon numbers in BVH order.
 @group(1) @binding(3) var<storage, read> order: array<vec2u>;
 @group(1) @binding(4) var<storage, read_write> placed: array<SurfacePhoton>;
 
-// Just that wide: rounding keeps the order of numbers, so what a kernel covers by its distance, as it is rounded, is
-// inside.
+// Exactly that wide: rounding is monotonic, so what the kernel's rounded distance covers is inside.
 fn box_around(point: vec3f, radius: f32) -> Bounds {
     return Bounds(point - vec3f(radius), 0u, point + vec3f(radius), 0u);
 }

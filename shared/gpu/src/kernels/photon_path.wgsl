@@ -1,8 +1,8 @@
-// A photon on its way, between two rays that it asks the scene about.
+// The state of a photon path between two ray queries.
 
-// What it does next. Up to CROSS it asks the scene first: what its ray meets; what else is there where that is the
-// boundary of a medium; whether a displaced beam starts in the medium; what is under a displaced photon on a surface,
-// and what between; which boundaries it crosses.
+// Next step of a photon. Those up to CROSS need a ray query: what the ray hits; what coincides with a medium boundary;
+// whether a displaced beam starts in the medium; what is under a displaced surface photon, and what is between; which
+// boundaries coincide.
 const ENDED: u32 = 0u;
 const FLY: u32 = 1u;
 const LOOK_ACROSS: u32 = 2u;
@@ -18,7 +18,6 @@ const LEAVE_PHOTON: u32 = 11u;
 const SCATTER: u32 = 12u;
 
 struct PhotonPath {
-    // Its ray.
     origin: vec3f,
     step: u32,
     dir: vec3f,
@@ -27,54 +26,54 @@ struct PhotonPath {
     power: vec3f,
     light: u32,
     footprint: Footprint,
-    // What the ray starts on.
+    // Normal of what the ray starts on, and its kind, ENDS_NOWHERE to ENDS_ON_BOUNDARY.
     start: vec3f,
     start_is: u32,
-    // Where on the light it started; of other lights than surfaces the direction back.
+    // Where on the light it started. For lights without a surface: the direction back.
     emitted_normal: vec3f,
     emitted_triangle: u32,
     arrival: u32,
-    // Which technique finds what it leaves at the next surface, and how many photons are expected where both do.
+    // Technique that finds what it leaves at the next surface; for BY_BOTH, the expected number of photons.
     found_by: u32,
     expected: f32,
-    // The same of caustics that it brings.
+    // The same for caustics that it brings.
     caustic_by: u32,
     caustic_expected: f32,
-    // Length of its way since it was scattered last.
+    // Distance since it was last scattered.
     flown: f32,
     depth: u32,
-    // The least that it has been worth for where it was.
+    // Least worth of its positions so far: see `far_worth`.
     worth: f32,
     // 1: no surface or medium has scattered it widely.
     is_pure: u32,
-    // 1: nothing but smooth surfaces has turned it.
+    // 1: only delta lobes have turned it.
     is_sharp: u32,
-    // The material that it has met.
+    // Material that it hit.
     material: u32,
     // Beams and surface photons that it has left, or the places of the next ones.
     beams: u32,
     photons: u32,
-    // Of its random numbers.
+    // Position in its random numbers.
     square: u32,
     state: vec2u,
     crossed: u32,
-    // Steps of its beams in media whose density varies, likewise.
+    // Steps of its beams in media of varying density, likewise.
     steps: u32,
-    // The wavelength of its light, from 1 on; 0: none. Its weight is no part of the power.
+    // Wavelength, 1-based; 0: none. The power does not contain its weight.
     wave: u32,
-    // What its ray does not see, by bits of classes.
+    // Class bits of what its ray does not see.
     hides: u32,
-    // What it meets.
+    // Its hit.
     at: SurfacePoint,
     trials: Trials,
-    // Boundaries at one place: the media before and behind each. In between, of a beam in a medium whose density varies:
-    // its first step and how many, and the distances between which it is seen, by their bits.
+    // For coincident boundaries: the media before and behind each. In between, `near` is for a beam in a medium of
+    // varying density: its first step, number of steps, and the bits of the distances where it starts and ends.
     near: vec4u,
     far: vec4u,
     others: vec2u,
 }
 
-// Random numbers of a path from where it is.
+// Random numbers of a path from its current position on.
 fn path_sampler(path: u32, p: PhotonPath) -> Sampler {
     var s = first_sampler(path);
     s.state = p.state;
@@ -89,7 +88,7 @@ fn first_sampler(path: u32) -> Sampler {
 
 fn mean_of(c: vec3f) -> f32 { return (c.x + c.y + c.z) * 0.33333334f; }
 
-// Of a light by a uniform number: the first whose sum is beyond it.
+// The first light whose running sum exceeds u.
 fn emitter_choice(u: f32) -> u32 {
     var low = 0u;
     var high = trace_plan.lights - 1u;
@@ -100,7 +99,7 @@ fn emitter_choice(u: f32) -> u32 {
     return low;
 }
 
-// A photon on its way from a light; ended where there is none.
+// A photon that starts at a light; ENDED if there is none.
 fn started_path(path: u32) -> PhotonPath {
     var p: PhotonPath;
     p.step = ENDED;
@@ -153,11 +152,11 @@ fn started_path(path: u32) -> PhotonPath {
     return p;
 }
 
-// Russian roulette: the flux after survival is what it was before, as far as probabilities allow.
+// Russian roulette: survivors have the flux that they had before the scattering, as far as probabilities allow.
 fn path_survives(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, before: f32) -> bool {
     (*p).depth += 1u;
     var q = quotient(mean_of((*p).power), before);
-    // Light that is trapped ends as well.
+    // Trapped light ends as well.
     if ((*p).depth > 1024u) { q = select(0.999f, q, q < 0.999f); }
     if (q >= 1.0) { return true; }
     if (!(q > 0.0) || next_1d(s) >= q) { return false; }
@@ -165,8 +164,8 @@ fn path_survives(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, before
     return true;
 }
 
-// Factor on the probability that a photon goes on which was scattered at a point, in fog without an end: what it is
-// worth there, over the least that it has been worth.
+// Factor on the survival probability of a photon scattered beyond the scene's bounds, in endless fog: its worth there,
+// over the least so far.
 fn far_worth(p: ptr<function, PhotonPath>, point: vec3f) -> f32 {
     let beyond = length3(point - trace_plan.center) - trace_plan.bounds;
     if (!(beyond > 0.0)) { return 1.0; }

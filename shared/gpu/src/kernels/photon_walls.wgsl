@@ -1,4 +1,4 @@
-// The walls that cross the kernels of surface photons, whose heights say where to look for them.
+// Finds the walls that cross the kernels of surface photons, at the heights stored there.
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read_write> surface_photons: array<SurfacePhoton>;

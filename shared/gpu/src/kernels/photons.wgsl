@@ -1,5 +1,5 @@
-// Every request sums up what photons bring whose kernels cover its point, in their order. Whether boxes around kernels
-// contain a point follows by comparisons alone: which boxes are looked at changes no bit.
+// Sums up, for every request, the photons whose kernels cover its point, in their order. Box tests are mere
+// comparisons, so the choice of boxes to look at changes no bit.
 
 struct Bounds {
     low: vec3f,
@@ -14,7 +14,7 @@ struct Level {
 }
 
 struct Levels {
-    // The number of the last, which has one node.
+    // Number of the last level, which has one node.
     top: u32,
     spare: u32,
     all: array<Level>,
@@ -22,59 +22,59 @@ struct Levels {
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read> requests: array<PhotonRequest>;
-// From which part of the hierarchy to before which.
+// Parts of the BVH: first, and one past the last.
 @group(0) @binding(2) var<storage, read> range: vec2u;
 @group(1) @binding(3) var<storage, read_write> radiance: array<vec3f>;
-// By request: what it is of, where BY_BSDF.
+// By request, for BY_BSDF: its material.
 @group(1) @binding(4) var<storage, read> asked_surfaces: array<Material>;
 // For `waves.wgsl`.
 @group(1) @binding(5) var<storage, read> key: array<vec2u>;
-// Whose light counts: the number of a group of lights, from 1 on; 0: of all.
+// Light group that counts, 1-based; 0: all light.
 @group(0) @binding(6) var<storage, read> of_light_group: u32;
 @group(1) @binding(40) var<storage, read> photon_sizes: Sizes;
 @group(1) @binding(41) var<storage, read> photons: array<SurfacePhoton>;
 @group(1) @binding(42) var<storage, read> photon_nodes: array<Bounds>;
 @group(0) @binding(43) var<storage, read> photon_levels: Levels;
 
-// A part is a node of this level, which is around 4^7 photons, or the last level's where there are fewer. So many keep
-// the turns of all loops, of a few hundred rays too, below 2^16.
+// A part is a node of this level, with about 4^7 photons, or of the last level if that is lower. This keeps the turns
+// of all loops below 2^16, even with a few hundred rays.
 const PART_LEVEL: u32 = 6u;
 
-// Photons whose surface is turned away further than this (cosine) belong to another one.
+// A photon whose normal has a smaller cosine than this with the point's belongs to another surface.
 const MIN_NORMAL_COSINE: f32 = 0.7;
-// So do those further off the tangent plane than this share of their radius.
+// So does one further off the tangent plane than this share of its radius.
 const MAX_PLANE_DISTANCE: f32 = 0.25;
-// Bound on shading over geometric cosine, so that one photon at a grazing angle does not outshine the rest.
+// Bound on shading over geometric cosine, so that no photon at a grazing angle outshines the rest.
 const MAX_COSINE_RATIO: f32 = 10.0;
-// Expected photons of a pass in a kernel, of those that were reflected or scattered more than once.
+// Expected photons of a pass in a kernel, for photons reflected or scattered more than once.
 const DEEPER: f32 = 1.0;
 
 const PI: f32 = 3.14159274;
 const INV_PI: f32 = 0.31830987;
 
-// A request, and what is the same for all photons.
+// A request, and what all of its photons share.
 struct Asked {
     point: vec3f,
     kind: u32,
     ng: vec3f,
-    // Weight of all photons, where it is the same.
+    // MIS weight, if all photons have the same.
     share: f32,
     ns: vec3f,
-    // Cosine between the shading normal and the direction that the path comes from.
+    // Cosine between the shading normal and wo.
     cos_wo: f32,
     value: vec3f,
-    // The normals are the same.
+    // Both normals are equal.
     is_even: bool,
-    // See `photon_request.wgsl`.
+    // The request's index and bits.
     number: u32,
     bits: u32,
-    // Lights whose photons do not count, by bits of classes.
+    // Class bits of lights whose photons do not count.
     hides: u32,
     photon_scale: f32,
     density: f32,
-    // In the frame around the shading normal.
+    // In the shading frame.
     wo: vec3f,
-    // Photons find their way from here to where the path came from.
+    // Photons can go from here to where the path came from.
     goes_back: bool,
     cos_out: f32,
     frame: Frame,
@@ -83,7 +83,7 @@ struct Asked {
 
 fn part_level() -> u32 { return min(photon_levels.top, PART_LEVEL); }
 
-// Nodes of a level over so many photons, of which there are some.
+// Number of nodes of a level; there must be photons.
 fn nodes_of(level: u32) -> u32 { return ((photon_sizes.count - 1u) >> (2u * level + 2u)) + 1u; }
 
 fn end_of_parts() -> u32 {
@@ -91,14 +91,14 @@ fn end_of_parts() -> u32 {
     return min(range.y, nodes_of(part_level()));
 }
 
-// Density of a direction by its cosine.
+// Cosine-weighted pdf.
 fn pdf_of(cosine: f32) -> f32 { return not_below_zero(abs(cosine)) * INV_PI; }
 
 fn asked_by(number: u32, request: PhotonRequest) -> Asked {
     let cos_wo = dot3(request.wo, request.ns);
     let cos_out = dot3(request.ng, request.wo);
     var share = 1.0;
-    // Where nothing here depends on the side that it is seen from.
+    // Photons go back only if nothing here depends on the viewing side.
     let kind = kind_of(request.kind);
     let goes_back = kind == LAST_COUNTED && cos_wo * cos_out > 0.0 && !has_map(request.shadowing);
     if (goes_back) {
@@ -113,7 +113,7 @@ fn asked_by(number: u32, request: PhotonRequest) -> Asked {
     );
 }
 
-// Value of the surface for a photon's direction, times the photon's weight.
+// BSDF value for a photon's direction, times the photon's MIS weight.
 fn by_bsdf(asked: Asked, k: u32, cos_g: f32) -> vec3f {
     let m = asked_surfaces[asked.number];
     let wi = to_local(asked.frame, photons[k].wi);
@@ -123,7 +123,7 @@ fn by_bsdf(asked: Asked, k: u32, cos_g: f32) -> vec3f {
     let f = scattered.value;
     if (all(f == vec3f(0.0))) { return f; }
     if (asked.kind == ALL_COUNTED || (is_last && !asked.goes_back)) { return f; }
-    // What surfaces send is found by the path itself.
+    // The path itself finds light from surfaces.
     if (asked.kind == LATER_COUNTED && arrival_of(photons[k].arrival) == ARRIVED_SURFACE) { return vec3f(0.0); }
     let found_by = technique_of(photons[k].found_by);
     if (!is_last && found_by == BY_PHOTONS) { return f; }
@@ -133,10 +133,10 @@ fn by_bsdf(asked: Asked, k: u32, cos_g: f32) -> vec3f {
     return f * (1.0 - path_weight(photons[k].expected * asked.photon_scale, of_paths));
 }
 
-// Of a photon that comes in at these cosines with the shading and the geometric normal.
+// MIS weight of a photon, by its cosines with the shading and the geometric normal.
 fn weight_of(asked: Asked, k: u32, cos_s: f32, cos_g: f32) -> f32 {
     if (asked.kind == ALL_COUNTED || asked.kind == LAST_COUNTED) { return asked.share; }
-    // What surfaces send is found by the path itself.
+    // The path itself finds light from surfaces.
     if (asked.kind == LATER_COUNTED && arrival_of(photons[k].arrival) == ARRIVED_SURFACE) { return 0.0; }
     switch technique_of(photons[k].found_by) {
         case BY_PHOTONS: { return 1.0; }
@@ -145,14 +145,14 @@ fn weight_of(asked: Asked, k: u32, cos_s: f32, cos_g: f32) -> f32 {
     }
 }
 
-// Whether a wall may stand between a photon and a point that its kernel covers.
+// Whether a wall may stand between a photon and a point in its kernel.
 fn may_hide(k: u32, point: vec3f) -> bool {
-    // Also where it is not a number.
+    // False for NaN.
     let is_before = dot3(photons[k].beyond, point - photons[k].point) < 1.0;
     return photons[k].height > 0.0 && !is_before;
 }
 
-// Whether one does.
+// Whether one does: traces a ray.
 fn is_hidden_from(k: u32, point: vec3f) -> bool {
     let ng = photons[k].ng;
     let n = ng * with_sign(1.0, dot3(ng, photons[k].wi));
@@ -168,10 +168,10 @@ fn is_kept_off(asked: Asked, k: u32) -> bool {
     return (word & asked.hides) != 0u || by_gloss || by_rule;
 }
 
-// What a photon brings, walls aside, and before the weight of its wavelength.
+// Contribution of a photon, regardless of walls and without its wavelength's weight.
 fn brought(asked: Asked, k: u32) -> vec3f {
     let nothing = vec3f(0.0);
-    // Most that are looked at are near, but do not cover the point.
+    // Most candidates are near, but do not cover the point.
     let offset = photons[k].point - asked.point;
     let radius = photons[k].radius;
     let radius2 = radius * radius;
@@ -193,7 +193,7 @@ fn brought(asked: Asked, k: u32) -> vec3f {
     let wi = photons[k].wi;
     let cos_g = dot3(asked.ng, wi);
     let cos_s = select(dot3(wi, asked.ns), cos_g, asked.is_even);
-    // From another side of the surface than the path, or from another one by the shading normal.
+    // The photon arrived on another side than the path, or the two normals disagree about its side.
     let is_by_bsdf = (asked.bits & BY_BSDF) != 0u;
     if (!is_by_bsdf && cos_s * asked.cos_wo <= 0.0) { return nothing; }
     if (!asked.is_even && cos_s * cos_g <= 0.0) { return nothing; }
@@ -201,7 +201,7 @@ fn brought(asked: Asked, k: u32) -> vec3f {
     let kernel = quotient(2.0, PI * radius2) * (1.0 - x) * cos;
     var cosines = 1.0;
     if (!asked.is_even) {
-        // Flux is counted on the geometric surface, the BSDF's cosine is to the shading normal.
+        // Flux is counted on the geometric surface; the BSDF's cosine is with the shading normal.
         cosines = quotient(cos_s, cos_g);
         cosines = select(MAX_COSINE_RATIO, cosines, cosines < MAX_COSINE_RATIO);
     }
@@ -209,31 +209,29 @@ fn brought(asked: Asked, k: u32) -> vec3f {
     return asked.value * photons[k].power * (kernel * cosines * weight_of(asked, k, cos_s, cos_g));
 }
 
-// How far a look-up has come: through nodes without a stack, a node that contains the point being entered, and then the
-// next one beside it or above.
+// State of a stackless BVH traversal: a node that contains the point is entered; the next one is beside it or above.
 struct Walk {
-    // The next node.
+    // Next node.
     level: u32,
     i: u32,
-    // Photons of the node that was entered last.
+    // Photons left of the leaf entered last.
     k: u32,
     end: u32,
     sum: vec3f,
-    // What the last photon brings if no wall hides it.
+    // Contribution of the last photon, if no wall hides it.
     brought: vec3f,
 }
 
 fn contains(box: Bounds, point: vec3f) -> bool { return all(box.low <= point) && all(point <= box.high); }
 
-// Goes on to the next photon that a wall may hide, which is added elsewhere. Returns its number, or NOTHING at the end.
-// Rays are kept out of its loop: devices run a loop for many threads as one, all that is in it for each.
+// Goes on to the next photon that a wall may hide, and returns its number, or NOTHING at the end; the caller adds it.
+// Rays stay out of this loop, which invocations run in lockstep.
 fn walk_on(walk: ptr<function, Walk>, asked: Asked, top: u32, end_part: u32) -> u32 {
     var s = *walk;
     var found = NOTHING;
     loop {
         while (s.k < s.end && found == NOTHING) {
             let more = brought(asked, s.k);
-            // Most bring nothing.
             if (any(more > vec3f(0.0))) {
                 let as_it_is = as_found(more, asked.bits >> WAVE_OF_REQUEST, wave_of_photon(photons[s.k].arrival));
                 if (may_hide(s.k, asked.point)) {

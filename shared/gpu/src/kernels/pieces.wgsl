@@ -1,16 +1,15 @@
-// Beams are cut into pieces about a quarter as long as the mean of all beams, 64 of one at most.
+// Cuts beams into pieces about a quarter as long as the mean beam, at most 64 per beam.
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read> beams: array<Beam>;
 @group(1) @binding(2) var<storage, read_write> sums: array<f32>;
-// How long pieces are.
 @group(1) @binding(3) var<storage, read_write> piece_length: array<f32>;
-// By beam: how many pieces, and then how many there are before.
+// By beam: number of pieces; then their prefix sum.
 @group(1) @binding(4) var<storage, read_write> counts: array<u32>;
-// By piece: which beam, and which of its pieces.
+// By piece: its beam, and its number within that.
 @group(1) @binding(5) var<storage, read_write> part_numbers: array<vec2u>;
 @group(1) @binding(6) var<storage, read_write> boxes: array<Bounds>;
-// In the second words, the numbers of pieces in the order of the hierarchy.
+// y: piece numbers in BVH order.
 @group(1) @binding(7) var<storage, read> order: array<vec2u>;
 @group(1) @binding(8) var<storage, read_write> pieces: array<Piece>;
 
@@ -19,7 +18,7 @@ const MAX_PIECES: f32 = 64.0;
 
 var<workgroup> lengths: array<f32, 256>;
 
-// The sum of all threads' numbers, for the first of them: of two halves, of their quarters, and so on.
+// Tree reduction over the workgroup, for its first invocation.
 fn sum_of_threads(thread: u32, number: f32) -> f32 {
     lengths[thread] = number;
     workgroupBarrier();
@@ -49,7 +48,7 @@ fn sum_lengths(
     if (thread == 0u) { sums[tile] = all; }
 }
 
-// One workgroup.
+// Runs as one workgroup.
 @compute @workgroup_size(256)
 fn mean_length(@builtin(local_invocation_index) thread: u32) {
     var sum = 0.0;
@@ -60,7 +59,7 @@ fn mean_length(@builtin(local_invocation_index) thread: u32) {
 
 fn pieces_of(beam: Beam) -> u32 {
     let count = ceil(quotient(beam.extent.y - beam.extent.x, piece_length[0]));
-    // None of what is no number.
+    // NaN: no pieces.
     if (!(count == count)) { return 0u; }
     return u32(select(smaller(count, MAX_PIECES), 1.0, count < 1.0));
 }
@@ -106,7 +105,7 @@ fn cut(
     }
 }
 
-// Over pieces.
+// One invocation per piece.
 @compute @workgroup_size(64)
 fn place(
     @builtin(workgroup_id) group: vec3u,

@@ -1,16 +1,16 @@
-// Planes that walls near beams lie in or behind, as `beams/walls.rs` lays them out: the beam is before them. On
-// `beam.wgsl`.
+// Planes that walls near a beam lie in or behind; the beam is in front of them. `beams/walls.rs` has the same struct.
+// Goes after `beam.wgsl`.
 
 struct Plane {
-    // Of unit length, towards the beam; zero where no plane tells what is behind walls.
+    // Unit normal, towards the beam; zero if no plane bounds what walls hide.
     n: vec3f,
-    // Product of the normal and any point of the plane.
+    // Dot product of the normal and any point of the plane.
     at: f32,
-    // Where along the beam the kernel reaches behind it.
+    // Range along the beam in which the kernel reaches behind the plane.
     range: vec2f,
-    // Of a crowd: square of the distance from the beam's line within which no wall is; else zero.
+    // For a crowd: square of the distance from the beam's line within which there is no wall; otherwise zero.
     clear2: f32,
-    // 1: all of a closed scene is before it.
+    // 1: all of a closed scene is in front of it.
     is_outer: u32,
 }
 
@@ -20,7 +20,7 @@ const WALL_BITS: u32 = 4u;
 
 fn packed_walls(first: u32, count: u32) -> u32 { return (first << WALL_BITS) | count; }
 
-// The number of the first of a beam's planes, and of the one after the last.
+// A beam's planes: first, and one past the last.
 fn walls_of(packed: u32) -> vec2u {
     let first = packed >> WALL_BITS;
     return vec2u(first, first + (packed & ((1u << WALL_BITS) - 1u)));
@@ -28,19 +28,19 @@ fn walls_of(packed: u32) -> vec2u {
 
 fn all_clear() -> vec2f { return vec2f(-of_bits(INFINITY), of_bits(INFINITY)); }
 
-// What is left of a stretch of a beam, looked at from `start` to `end`, where its kernel reaches behind a plane that is
-// no outer one: one stretch.
+// Shrinks a clear stretch of a beam, looked at from `start` to `end`, to one that has the kernel in front of a plane.
+// Outer planes do not count.
 fn without_plane(clear: vec2f, plane: Plane, start: f32, end: f32) -> vec2f {
     let low = plane.range.x;
     let high = plane.range.y;
     if (plane.is_outer == 1u || low >= end || high <= start) { return clear; }
-    // At which end less of the beam is lost.
+    // Cut where less of the beam is lost.
     if (smaller(high, end) - start < end - larger(low, start)) { return vec2f(larger(clear.x, high), clear.y); }
     return vec2f(clear.x, smaller(clear.y, low));
 }
 
-// What stands near a piece of a beam, as bits above the number of its medium: whether there are planes of the beam at
-// all, and whether its kernel reaches behind one that is no outer one.
+// Flags of a piece of a beam: HAS_PLANES if the beam has planes, IS_WALLED if the piece's kernel reaches behind one
+// that is not outer.
 fn wall_flags(packed: u32, start: f32, end: f32) -> u32 {
     let walls = walls_of(packed);
     if (walls.x == walls.y) { return 0u; }

@@ -1,10 +1,9 @@
-// x^y, step by step as crate libm's powf.
+// x^y, step by step as in crate libm's powf.
 
-// Without the last bits of the mantissa.
+// Clears the last bits of the mantissa.
 fn power_head(x: f32) -> f32 { return bitcast<f32>(bitcast<u32>(x) & 0xfffff000u); }
 
-// The logarithm to base 2 of a positive number, as a head and what it lacks; `far` is for powers beyond 2^27, of
-// numbers near one.
+// log2 of a positive number, as head and tail; `far`: for exponents beyond 2^27, of numbers near one.
 fn power_log2(ax_: f32, far: bool) -> vec2f {
     if (far) {
         let t = ax_ - 1.0;
@@ -63,7 +62,7 @@ fn power_log2(ax_: f32, far: bool) -> vec2f {
     return vec2f(t1, z_l - (((t1 - t) - dp_h) - z_h));
 }
 
-// 2^(p_h + p_l), which is z and `bits` of it, |z| at most 150.
+// 2^(p_h + p_l); `bits`: those of the sum, which is at most 150 in size.
 fn power_exp2(head: f32, p_l: f32, bits: u32) -> f32 {
     var p_h = head;
     var n = 0;
@@ -90,7 +89,7 @@ fn power_exp2(head: f32, p_l: f32, bits: u32) -> f32 {
     return bitcast<f32>(whole);
 }
 
-// 0 for a number that is no integer, 1 for an odd one, 2 for an even one; by its bits without the sign.
+// Of a number's bits without the sign: 0 if it is no integer, 1 if odd, 2 if even.
 fn power_parity(bits: u32) -> u32 {
     if (bits >= 0x4b800000u) { return 2u; }
     if (bits < 0x3f800000u) { return 0u; }

@@ -1,5 +1,5 @@
-// Principled surfaces (Burley 2012, 2015) in the form that Mitsuba 3 gives them: a diffuse lobe and a reflection, and
-// in layered ones all of the others. The renderer's, step by step.
+// Principled surfaces (Burley 2012, 2015), in the form of Mitsuba 3: a diffuse lobe and a reflection; layered ones have
+// all the other lobes too. Step by step as in the renderer.
 
 const LEAST_FACET_COSINE: f32 = 1e-6;
 const LEAST_ODDS: f32 = 0.1;
@@ -9,7 +9,7 @@ fn principled_facets(m: Material) -> Facets {
     return Facets(select(0.001f, alpha, alpha > 0.001f), false);
 }
 
-// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one.
+// Fresnel reflectance: exact for the dielectric share, Schlick's for the metallic one.
 fn principled_fresnel(m: Material, cos: f32) -> vec3f {
     let dielectric = fresnel_dielectric(not_above_one(cos), m.eta.x);
     let schlick = schlick_weight(select(cos, dielectric.y, m.eta.x < 1.0));
@@ -17,7 +17,7 @@ fn principled_fresnel(m: Material, cos: f32) -> vec3f {
     return vec3f((1.0 - m.metallic) * dielectric.x) + metal * m.metallic;
 }
 
-// Value, where the microfacets' is `d` but for Fresnel's reflectance. `lit`: factor on what is diffuse.
+// BSDF value. `d`: the microfacets' without Fresnel's reflectance; `lit`: factor on the diffuse lobe.
 fn value_of_principled(m: Material, wo: vec3f, wi: vec3f, cos_d: f32, d: f32, lit: f32) -> vec3f {
     let base = select(0.0, 1.0, has_bits(m, BASE)) * lit;
     let specular = principled_fresnel(m, cos_d) * d;
@@ -56,12 +56,12 @@ fn specular_of_principled(m: Material, wo: vec3f) -> f32 {
     return select(select(p, 0.9f, p > 0.9f), 0.1f, p < 0.1f);
 }
 
-// Weight of what is diffuse, and of what goes through.
+// Weights of diffuse reflection and of transmission.
 fn diffuse_weight(m: Material) -> f32 { return (1.0 - m.metallic) * (1.0 - m.spec_trans); }
 
 fn glass_weight(m: Material) -> f32 { return (1.0 - m.metallic) * m.spec_trans; }
 
-// The base's hue, of luminance one.
+// Hue of the base, with luminance one.
 fn hue_of(m: Material) -> vec3f {
     let c = m.reflectance;
     let luminance = 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z;
@@ -69,7 +69,7 @@ fn hue_of(m: Material) -> vec3f {
     return vec3f(1.0);
 }
 
-// What microfacets reflect of light from the front.
+// Reflectance of the microfacets for light from the front.
 fn layered_fresnel(m: Material, given_cos: f32) -> vec3f {
     let plain = principled_fresnel(m, given_cos);
     if (m.spec_tint == 0.0) { return plain; }
@@ -94,7 +94,7 @@ fn transmission_tint(m: Material) -> vec3f {
     return vec3f(root(c.x), root(c.y), root(c.z)) * glass_weight(m);
 }
 
-// As a boundary of rough glass: what goes through from either side, and what its inside reflects.
+// As rough glass: transmission from either side, and reflection inside.
 fn as_boundary(m: Material) -> Material {
     var boundary = m;
     boundary.reflectance = vec3f(glass_weight(m));
@@ -107,7 +107,7 @@ fn is_inside(m: Material, wo: vec3f) -> bool { return has_bits(m, LETS_THROUGH) 
 
 fn share_if(counts: bool, weight: f32) -> f32 { return select(0.0, weight, counts); }
 
-// Probabilities of sampling the gloss, the further coat and the base.
+// Probabilities of sampling the gloss, the clearcoat and the base.
 fn layered_odds(m: Material, wo: vec3f) -> vec3f {
     let glass = glass_weight(m);
     if (is_inside(m, wo)) { return vec3f(share_if(has_bits(m, GLOSS) && glass > 0.0, 1.0), 0.0, 0.0); }
@@ -139,7 +139,7 @@ fn odds_of(share: f32, sum: f32) -> f32 {
     return select(LEAST_ODDS, odds, odds > LEAST_ODDS);
 }
 
-// Probability that a microfacet reflects light from the front, where it is sampled.
+// Probability that a sampled microfacet reflects light from the front.
 fn reflected_share(m: Material, cos: f32) -> f32 {
     let through = (1.0 - fresnel_dielectric(not_above_one(cos), m.eta.x).x) * mean_channel(transmission_tint(m));
     if (through <= 0.0) { return 1.0; }
@@ -147,14 +147,14 @@ fn reflected_share(m: Material, cos: f32) -> f32 {
     return quotient(reflected, reflected + through);
 }
 
-// The distribution of a further coat's microfacets.
+// Microfacet distribution of the clearcoat.
 fn gtr1(alpha: f32, m: vec3f) -> f32 {
     let alpha2 = alpha * alpha;
     let t = m.x * m.x + m.y * m.y + alpha2 * m.z * m.z;
     return quotient(alpha2 - 1.0, FACET_PI * ln(alpha2) * t);
 }
 
-// A normal with the density `gtr1 cos`.
+// Samples a normal with pdf `gtr1 cos`.
 fn sample_gtr1(alpha: f32, u: vec2f) -> vec3f {
     let alpha2 = alpha * alpha;
     let cos2 = not_above_one(not_below_zero(
@@ -165,7 +165,7 @@ fn sample_gtr1(alpha: f32, u: vec2f) -> vec3f {
     return vec3f(sine * turn.y, sine * turn.x, root(cos2));
 }
 
-// `coupled`: pi times the value of a white base beneath the layer, where that is known.
+// `coupled`: pi times the value of a white base beneath the layer, for materials that keep their energy.
 fn value_of_layered_base(m: Material, wo: vec3f, wi: vec3f, cos_d: f32, coupled: f32) -> vec3f {
     let fo = schlick_weight(wo.z);
     let fi = schlick_weight(wi.z);
@@ -190,8 +190,7 @@ fn value_of_layered_base(m: Material, wo: vec3f, wi: vec3f, cos_d: f32, coupled:
     return value;
 }
 
-// Value for two directions on the front, where the microfacets' is `glossy` and `h` is between them. `lit`: factor on
-// what is diffuse.
+// BSDF value on the front. `h`: half vector; `glossy`: the microfacets' value; `lit`: factor on the base.
 fn value_of_layered(m: Material, wo: vec3f, wi: vec3f, h: vec3f, glossy: vec3f, lit: f32) -> vec3f {
     let cos_d = abs(dot3(wo, h));
     var value = vec3f(0.0);
@@ -212,7 +211,7 @@ fn value_of_layered(m: Material, wo: vec3f, wi: vec3f, h: vec3f, glossy: vec3f, 
     return value;
 }
 
-// Density of wi, likewise, where that of the microfacets is `d`.
+// Pdf of wi on the front; `d`: the microfacets'.
 fn pdf_of_layered(m: Material, wo: vec3f, wi: vec3f, h: vec3f, d: f32) -> f32 {
     let odds = layered_odds(m, wo);
     let cos_d = dot3(wo, h);
@@ -224,11 +223,11 @@ fn pdf_of_layered(m: Material, wo: vec3f, wi: vec3f, h: vec3f, d: f32) -> f32 {
     return pdf;
 }
 
-// Density of going through, from the inside or the front, where that of the boundary is `pdf`.
+// Pdf of transmission, or reflection inside; `pdf`: the glass boundary's.
 fn pdf_through_layered(m: Material, wo: vec3f, cos_o: f32, pdf: f32) -> f32 {
     if (!(pdf > 0.0) || !has_bits(m, GLOSS) || !(glass_weight(m) > 0.0)) { return 0.0; }
     if (wo.z < 0.0) { return pdf; }
-    // That of the boundary, with another probability of going through.
+    // The boundary's pdf, with another probability of transmission.
     let entered = 1.0 - fresnel_dielectric(cos_o, m.eta.x).x;
     if (!(entered > 0.0)) { return 0.0; }
     return layered_odds(m, wo).x * quotient(pdf * (1.0 - reflected_share(m, cos_o)), entered);

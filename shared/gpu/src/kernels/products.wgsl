@@ -1,6 +1,6 @@
-// The difference of two products as floats of 64 bits have it, which few devices have.
+// The difference of two products as 64-bit floats yield it; few devices have these.
 
-// To the right, with a last bit that says whether anything is lost.
+// Shifts right, with a sticky last bit.
 fn jammed(x: vec2u, bits: u32) -> vec2u {
     if (bits == 0u) { return x; }
     if (bits >= 64u) { return vec2u(u32((x.x | x.y) != 0u), 0u); }
@@ -17,7 +17,7 @@ fn wide_left(x: vec2u, bits: u32) -> vec2u {
     return vec2u(x.x << bits, (x.y << bits) | (x.x >> (32u - bits)));
 }
 
-// The product is bits 2^(exponent - 315), with bit 62 the first that is set; or zero.
+// The product is bits * 2^(exponent - 315), with bit 62 the highest one set; or zero.
 struct Product { bits: vec2u, exponent: i32, sign: u32 }
 
 fn whole_product(a: f32, b: f32) -> Product {
@@ -33,13 +33,13 @@ fn whole_product(a: f32, b: f32) -> Product {
     return Product(wide_left(bits, 15u + short), pa.exponent + pb.exponent - i32(short), sign);
 }
 
-// One of the sign where a number is neither zero nor infinite.
+// One, with the number's sign, unless that is zero, infinite or NaN.
 fn tame(x: f32) -> f32 {
     let size = bitcast<u32>(x) & 0x7fffffffu;
     return select(x, with_sign(1.0, x), size != 0u && size < INFINITY);
 }
 
-// a b - c d: the products exact, their difference rounded to 53 bits, and then to a float.
+// a b - c d: exact products, the difference rounded to 53 bits, and then to a float.
 fn difference_of_products(a: f32, b: f32, c: f32, d: f32) -> f32 {
     let size = max(
         max(bitcast<u32>(a) & 0x7fffffffu, bitcast<u32>(b) & 0x7fffffffu),
@@ -67,9 +67,9 @@ fn difference_of_products(a: f32, b: f32, c: f32, d: f32) -> f32 {
     var zeros = countLeadingZeros(sum.y);
     if (zeros == 32u) { zeros += countLeadingZeros(sum.x); }
     sum = wide_left(sum, zeros);
-    // The first bit is worth 2^first.
+    // The highest bit is worth 2^first.
     var first = one.exponent - 315 - i32(zeros) + 63;
-    // To 53 bits.
+    // Round to 53 bits.
     let rest = sum.x & 0x7ffu;
     sum.x -= rest;
     if (rest > 0x400u || (rest == 0x400u && (sum.x & 0x800u) != 0u)) {
@@ -79,7 +79,7 @@ fn difference_of_products(a: f32, b: f32, c: f32, d: f32) -> f32 {
             first += 1;
         }
     }
-    // To 24, or fewer where the float is denormal.
+    // Round to 24, or fewer for denormals.
     if (first > 127) { return bitcast<f32>(one.sign | INFINITY); }
     if (first < -150) { return bitcast<f32>(one.sign); }
     let cut = 8u + u32(max(-126 - first, 0));

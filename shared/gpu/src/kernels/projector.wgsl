@@ -1,7 +1,7 @@
-// A lamp at a point that throws a picture, as the renderer's `world/light/projector.rs` has it. In its table: inward
-// normals of the pyramid that all of the light is in.
+// Point lamps that project an image, as in the renderer's `world/light/projector.rs`. The table holds the inward
+// normals of the pyramid that contains all of the light.
 
-// W/sr in a direction, which need not be of unit length.
+// Intensity, W/sr; `dir` need not be a unit vector.
 fn projector_intensity(light: Light, dir: vec3f) -> vec3f {
     let across = vec2f(dot3(dir, light.s), dot3(dir, light.t));
     let z = dot3(dir, light.n);
@@ -13,14 +13,14 @@ fn projector_intensity(light: Light, dir: vec3f) -> vec3f {
     if (light.cutoff > 0.0) {
         factor = spot_falloff(light, arc_tan2(root(dot2(across, across)), z));
     } else {
-        // A screen across the axis is lit as the picture is.
+        // A screen across the axis is lit as the image is.
         let cosine = quotient(z, root(dot3(dir, dir)));
         factor = quotient(1.0, cosine * cosine * cosine);
     }
     return light.power * texture_value(textures[light.texture], 0.5 + 0.5 * at) * factor;
 }
 
-// Density of directions per solid angle.
+// Pdf per solid angle.
 fn projector_pdf(light: Light, dir: vec3f) -> f32 {
     let z = dot3(dir, light.n);
     let reach = light.half * z;
@@ -35,7 +35,7 @@ fn projector_pdf(light: Light, dir: vec3f) -> f32 {
     return quotient(1.0, share * area * z * z * z);
 }
 
-// A unit vector away from the lamp: uniform over the part of the picture that may be bright.
+// Unit vector away from the lamp, uniform over the part of the image that may be bright.
 fn sample_projector(light: Light, u: vec2f) -> vec3f {
     let at = (light.lit.xy + (light.lit.zw - light.lit.xy) * u) * light.half;
     return unit_vector(light.s * at.x + light.t * at.y + light.n);

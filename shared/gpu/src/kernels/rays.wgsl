@@ -1,18 +1,17 @@
-// What a ray meets: `closest_hit` and `any_hit`, which find what the renderer's `Geometry::intersect` and `occluded`
-// find, to the last bit.
+// Ray queries: `closest_hit` and `any_hit`, bitwise equal to the renderer's `Geometry::intersect` and `occluded`.
 
 struct Ray { origin: vec3f, dir: vec3f }
 
-// Of no object: nothing is met before t.
+// `object` is NOTHING if nothing is hit before t.
 struct Hit {
     t: f32,
     object: u32,
     triangle: u32,
-    // Weights of a triangle's second and third corner; a disc's own x and y.
+    // Weights of a triangle's second and third corner; on a disc, its own x and y.
     uv: vec2f,
 }
 
-// A ray as boxes along the axes are tested against it, and as triangles are.
+// A ray, prepared for axis-aligned boxes and for triangles.
 struct Space { origin: vec3f, dir: vec3f, inverse: vec3f, near: vec3u, sheared: ShearedRay }
 
 fn space_of(origin: vec3f, dir: vec3f) -> Space {
@@ -32,7 +31,7 @@ fn enter(node: u32, space: Space, t_max: f32) -> Entered {
         far = select(least(far, second), second, axis == 0u);
     }
     near = most(near, vec4f(0.0));
-    // Ize 2013, Robust BVH ray traversal: so much farther that rounding loses no box.
+    // Ize 2013, Robust BVH ray traversal: rounding loses no box.
     far = least(far * FARTHER, vec4f(t_max));
     return Entered(near, (near <= far) & (nodes[node].children != vec4u(NOTHING)));
 }
@@ -42,7 +41,7 @@ fn closest_hit(ray: Ray, t_max: f32, ignored: Ignored) -> Hit {
     return search(ray, t_max, Passed(ignored, vec2u(NOTHING)), false);
 }
 
-// The same, where more is passed.
+// The same, passing through more objects.
 fn closest_hit_past(ray: Ray, t_max: f32, passed: Passed) -> Hit { return search(ray, t_max, passed, false); }
 
 // Whether anything is hit in (0, t_max).
@@ -50,12 +49,12 @@ fn any_hit(ray: Ray, t_max: f32, ignored: Ignored) -> bool {
     return search(ray, t_max, Passed(ignored, vec2u(NOTHING)), true).object != NOTHING;
 }
 
-// `first_only`: or another hit.
+// `first_only`: any hit will do.
 fn search(ray: Ray, t_max: f32, passed: Passed, first_only: bool) -> Hit {
     var best = Hit(t_max, NOTHING, 0u, vec2f(0.0));
     let render_space = space_of(ray.origin, ray.dir);
     var space = render_space;
-    // The object of a mesh whose own tree is searched, and what waits for the tree around.
+    // Mesh whose own BVH is searched, and where its stack begins: entries below wait for the BVH around it.
     var within = NOTHING;
     var bottom = 0u;
     var stack: Stack;

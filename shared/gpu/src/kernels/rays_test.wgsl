@@ -1,10 +1,10 @@
-// What tests of `rays.wgsl` run.
+// Kernels for tests of `rays.wgsl`.
 
 struct TestRay {
     origin: vec3f,
     t_max: f32,
     dir: vec3f,
-    // Bits of classes of objects to pass through; from bit 8 on the number of one more, plus one.
+    // Class bits of objects to pass through; from bit 8 on, the number of one more, plus one.
     ignored: u32,
 }
 

@@ -1,8 +1,8 @@
-// Rectangles that emit, seen from a point: uniform over the solid angle that they fill. The renderer's
-// `world/geometry/rectangle.rs`, in its order.
+// Samples rectangular lights uniformly over the solid angle that they subtend, step by step as in the renderer's
+// `world/geometry/rectangle.rs`.
 
 struct SphericalRectangle {
-    // Zero where points are drawn by area.
+    // Zero: points are drawn by area.
     solid_angle: f32,
     depth: f32,
     low: vec2f,
@@ -18,7 +18,6 @@ const LEAST_POSITIVE: f32 = 1.1754944e-38f;
 
 fn positive(x: f32) -> f32 { return select(LEAST_POSITIVE, x, x > LEAST_POSITIVE); }
 
-// Product of complex numbers.
 fn complex_product(a: vec2f, b: vec2f) -> vec2f { return vec2f(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x); }
 
 // cos + i sin of the angle at a corner.
@@ -69,7 +68,7 @@ fn on_side(x: f32, low: f32, high: f32) -> f32 {
     return select(above, high, above > high);
 }
 
-// A point of it that uniform numbers choose, along its sides from its corner.
+// Point on the rectangle for uniform numbers, along its sides from its corner.
 fn place_on_rectangle(seen: SphericalRectangle, sides: vec2f, u: vec2f) -> vec2f {
     let turned = sin_cos(u.x * seen.solid_angle);
     let angle = complex_product(vec2f(turned.y, turned.x), seen.start);

@@ -1,26 +1,26 @@
-// Rough surfaces: conductors, boundaries between dielectrics (Walter et al. 2007, with the visible normals of Heitz &
-// d'Eon 2014), and coats over a diffuse base, smooth or rough. The renderer's, step by step.
+// Rough conductors and dielectrics (Walter et al. 2007, with the visible normals of Heitz & d'Eon 2014), and smooth or
+// rough coats over a diffuse base. Step by step as in the renderer.
 
 fn facets_of(m: Material) -> Facets { return Facets(m.roughness, has_bits(m, IS_BECKMANN)); }
 
 fn mean_channel(c: vec3f) -> f32 { return (c.x + c.y + c.z) * 0.33333334f; }
 
-// Whether light that it transmits is bent.
+// Whether it refracts what it transmits.
 fn bends(m: Material) -> bool { return m.kind == DIELECTRIC || m.kind == ROUGH_DIELECTRIC || m.kind == LAYERED; }
 
-// The sign that turns wo to the front.
+// Sign that turns wo to the front.
 fn front_of(wo: vec3f) -> f32 { return select(-1.0, 1.0, wo.z > 0.0); }
 
-// Two directions and the microfacet that takes one to the other, from the side of wo, which is turned to the front.
+// Two directions and the microfacet between them, turned so that wo is on the front.
 struct Facet {
     wo: vec3f,
-    // Cosines to the microfacet, positive; zero where there is none.
+    // Cosines with the microfacet, positive; zero if there is none.
     cos_o: f32,
     wi: vec3f,
     cos_i: f32,
     m: vec3f,
     reflectance: f32,
-    // Index of refraction on the other side over the one on the side of wo.
+    // Index of refraction on the other side over that on the side of wo.
     eta: f32,
     is_reflection: bool,
 }
@@ -51,19 +51,19 @@ fn facet_between(m: Material, given_wo: vec3f, given_wi: vec3f) -> Facet {
     return Facet(wo, cos_o, wi, cos_i, n, fresnel_dielectric(cos_o, eta).x, eta, is_reflection);
 }
 
-// Density of wi over that of the microfacet's normal, for refraction.
+// Refraction: pdf of wi over that of the microfacet's normal.
 fn refraction_jacobian(f: Facet) -> f32 {
     let h = quotient((1.0 - f.eta) * (1.0 + f.eta), f.cos_o + f.eta * f.cos_i);
     return quotient(f.eta * f.eta * f.cos_i, h * h);
 }
 
-// What refraction into a side of relative index eta does: radiance is spread over fewer or more steradians, flux stays.
+// Refraction into relative index eta spreads radiance over another solid angle; flux stays.
 fn refraction_scale(eta: f32, mode: u32) -> f32 {
     if (mode == RADIANCE) { return quotient(1.0, eta * eta); }
     return 1.0;
 }
 
-// What the base under a coat adds but for the coat's transmittances: pi times its value.
+// pi times the value of the base under a coat, without the coat's transmittances.
 fn base_under_coat(m: Material) -> vec3f {
     var returned = vec3f(m.metallic);
     if (has_bits(m, IS_NONLINEAR)) { returned = m.reflectance * m.metallic; }
@@ -93,7 +93,7 @@ fn value_of_plastic(m: Material, wo: vec3f, wi: vec3f) -> vec3f {
     return m.reflectance * (entered * 0.31830987f);
 }
 
-// Of a rough coat by the cosine: numbers at 64 of them, equidistant from 0 to 1.
+// Transmittance of a rough coat: 64 table entries, at equidistant cosines from 0 to 1.
 fn coat_transmittance(m: Material, cos: f32) -> f32 {
     let x = cos * 63.0;
     let i = min(u32(x), 62u);

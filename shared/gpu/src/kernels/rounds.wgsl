@@ -1,4 +1,4 @@
-// Rays and round shapes, in whose own spaces distances are what they are in render space.
+// Rays and round shapes, whose own spaces keep distances along a ray as they are in render space.
 
 struct OwnRay { origin: vec3f, dir: vec3f }
 
@@ -12,7 +12,7 @@ fn own_ray(object: u32, origin: vec3f, dir: vec3f) -> OwnRay {
     );
 }
 
-// Two distances, the first the nearer; NaN where there are none.
+// Two distances, nearer first; NaN if there are none.
 fn crossings(a: f32, b: f32, c: f32, discriminant: f32) -> vec2f {
     let r = root(a * discriminant);
     let q = select(b - r, b + r, b >= 0.0);
@@ -22,7 +22,7 @@ fn crossings(a: f32, b: f32, c: f32, discriminant: f32) -> vec2f {
     return select(vec2f(t1, t0), vec2f(t0, t1), t0 < t1);
 }
 
-// A hit in (0, t_max), or t_max; and the point in the disc's x and y.
+// A hit in (0, t_max), or t_max; on a disc, its x and y.
 struct RoundHit { t: f32, uv: vec2f }
 
 // Without cancellation (Haines, Günther, Akenine-Möller 2019, Precision improvements for ray/sphere intersection).
@@ -40,7 +40,7 @@ fn sphere_hit(ray: OwnRay, t_max: f32) -> RoundHit {
 }
 
 
-// The same for the circle that it is across its axis; then which of the two lie between its ends.
+// The same for the cylinder's circle, across its axis; the first crossing between its ends counts.
 fn cylinder_hit(ray: OwnRay, t_max: f32) -> RoundHit {
     let none = RoundHit(t_max, vec2f(0.0));
     let o = ray.origin.xy;

@@ -1,21 +1,20 @@
-// The renderer's random numbers: streams addressed by (seed, pass, purpose, chunk), as `sampler.rs` has them on
-// processors, to the last bit.
+// Random numbers addressed by (seed, pass, purpose, chunk), bitwise equal to the renderer's `sampler.rs`.
 
 struct Stream {
-    // Integers of 64 bits as (low, high).
+    // 64-bit integers as (low, high).
     seed: vec2u,
     pass_index: vec2u,
-    // The number of the pass's replication, and the pass's place in it.
+    // Replication that the pass belongs to, and the pass's place in it.
     replication: vec2u,
     place: u32,
     purpose: u32,
 }
 
 struct Sampler {
-    // PCG's.
+    // PCG.
     state: vec2u,
     increment: vec2u,
-    // Even points: their key, their number with its bits reversed, the next square, and how many are even.
+    // Even points: key, number with its bits reversed, next square, and number of even squares.
     key: vec2u,
     index: u32,
     square: u32,
@@ -41,7 +40,7 @@ fn sampler_step(s: ptr<function, Sampler>) {
     (*s).state = wide_add(wide_multiply((*s).state, vec2u(0x4c957f2du, 0x5851f42du)), (*s).increment);
 }
 
-// Random numbers alone.
+// Random numbers only.
 fn sampler_random(stream: Stream, chunk: vec2u) -> Sampler {
     var s: Sampler;
     let state = mix64(stream_key(stream, stream.pass_index) ^ chunk);
@@ -52,7 +51,7 @@ fn sampler_random(stream: Stream, chunk: vec2u) -> Sampler {
     return s;
 }
 
-// The first numbers are even over the passes of a replication.
+// The first squares are even over the passes of a replication.
 fn sampler_even(stream: Stream, chunk: vec2u) -> Sampler {
     var s = sampler_random(stream, chunk);
     s.key = ~mix64(stream_key(stream, stream.replication) ^ chunk);
@@ -61,7 +60,7 @@ fn sampler_even(stream: Stream, chunk: vec2u) -> Sampler {
     return s;
 }
 
-// The first numbers are even over the paths of a pass, and over the passes of a replication.
+// The first squares are even over the paths of a pass, and over the passes of a replication.
 fn sampler_of_paths(stream: Stream, path: u32, paths: u32) -> Sampler {
     var s = sampler_random(stream, vec2u(path, 0u));
     s.key = ~mix64(stream_key(stream, stream.replication));
@@ -82,7 +81,7 @@ fn next_u32(s: ptr<function, Sampler>) -> u32 {
 // Uniform in [0, 1): 24 bits, never 1.
 fn unit(bits: u32) -> f32 { return f32(bits >> 8u) * 5.9604644775390625e-8; }
 
-// Owen's scrambling of a number whose bits are reversed.
+// Owen scrambling of a number with reversed bits.
 fn owen_reversed(bits: u32, seed: u32) -> u32 {
     var x = bits + seed;
     x ^= x * 0x6c50b47cu;
@@ -91,7 +90,7 @@ fn owen_reversed(bits: u32, seed: u32) -> u32 {
     return x ^ (x * 0x8d22f6e6u);
 }
 
-// The second dimension of Sobol's sequence, bits reversed; the first is the index.
+// Second dimension of Sobol's sequence, bits reversed; the first is the index.
 fn sobol_reversed(index: u32) -> u32 {
     var y = index;
     y ^= (y >> 1u) & 0x55555555u;
@@ -129,7 +128,7 @@ fn next_2d(s: ptr<function, Sampler>) -> vec2f {
     return vec2f(unit(reverseBits(x)), unit(reverseBits(y)));
 }
 
-// Go on as if a number of so many dimensions had been drawn.
+// Goes on as if a number of so many dimensions had been drawn.
 fn sampler_skip(s: ptr<function, Sampler>, dimensions: u32) {
     if ((*s).square < (*s).squares) {
         (*s).square += 1u;
@@ -138,8 +137,8 @@ fn sampler_skip(s: ptr<function, Sampler>, dimensions: u32) {
     for (var i = 0u; i < dimensions; i++) { _ = next_u32(s); }
 }
 
-// Go on with numbers that the other passes of the replication draw for the same: those of the next of places that are
-// so far apart.
+// Goes on at the next multiple of `apart` squares, so that all passes of a replication draw the same for the same
+// thing.
 fn sampler_align(s: ptr<function, Sampler>, apart: u32) {
     (*s).square = ((*s).square + apart - 1u) / apart * apart;
 }

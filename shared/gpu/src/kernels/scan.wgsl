@@ -1,4 +1,4 @@
-// Sums of all numbers before each, modulo 2^32: of tiles, and then with the sums of tiles before.
+// Exclusive prefix sums, modulo 2^32: within tiles, then with the sums of the tiles before.
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read_write> numbers: array<u32>;
@@ -8,7 +8,7 @@ const TILE: u32 = 2048u;
 
 fn tile_count() -> u32 { return max(sizes.count / TILE + u32(sizes.count % TILE > 0u), 1u); }
 
-// A tile a workgroup, eight numbers in a row a thread.
+// One tile per workgroup, eight consecutive numbers per invocation.
 @compute @workgroup_size(256)
 fn scan_tiles(
     @builtin(workgroup_id) group: vec3u,

@@ -1,6 +1,6 @@
-// What a surface of any kind does: value and density of a direction, drawing one, and which of its lobes a path takes.
+// BSDFs of all kinds: value, pdf, sampling, and the choice of a lobe for a path.
 
-// A surface whose textures are looked up, ready for the functions below.
+// Prepares a material for the functions below, once its textures are looked up.
 fn looked_up(given: Material) -> Material {
     var m = given;
     switch m.kind {
@@ -26,7 +26,7 @@ fn looked_up(given: Material) -> Material {
     return m;
 }
 
-// Which facets a surface has.
+// Whether the scene has microfacets, and rough glass.
 const HAS_FACETS: bool =
     HAS_ROUGH_CONDUCTOR || HAS_ROUGH_DIELECTRIC || HAS_ROUGH_PLASTIC || HAS_PRINCIPLED || HAS_LAYERED;
 const HAS_ROUGH_GLASS: bool = HAS_ROUGH_DIELECTRIC || HAS_LAYERED;
@@ -38,13 +38,13 @@ fn any_facets_of(m: Material) -> Facets {
     return facets_of(m);
 }
 
-// Whether light that comes from wo, or goes on in wi, is what a boundary of rough glass does.
+// Whether this is scattering by a rough glass boundary. Layered surfaces have one inside, and for light that crosses.
 fn is_by_rough_glass(m: Material, wo: vec3f, crosses: bool) -> bool {
     return m.kind == ROUGH_DIELECTRIC
         || (m.kind == LAYERED && has_bits(m, LETS_THROUGH) && (crosses || wo.z < 0.0));
 }
 
-// Value in 1/sr, and the density in solid angle of drawing a direction; both zero for delta lobes.
+// Value, 1/sr, and pdf per solid angle; both zero for delta lobes.
 struct Scattered {
     value: vec3f,
     pdf: f32,
@@ -52,7 +52,7 @@ struct Scattered {
 
 const UNSCATTERED: Scattered = Scattered(vec3f(0.0), 0.0);
 
-// `D G / (4 cos cos)` where directions on the same side mask and shadow alike, each by the height of the facets.
+// `D G / (4 cos cos)` with height-correlated masking and shadowing.
 fn correlated(density: f32, extents: vec2f, wo: vec3f, wi: vec3f) -> f32 {
     let o = abs(wo.z);
     let i = abs(wi.z);
@@ -60,14 +60,14 @@ fn correlated(density: f32, extents: vec2f, wo: vec3f, wi: vec3f) -> f32 {
     return quotient(density, select(1e-12f, below, below > 1e-12f));
 }
 
-// Of light that comes from wo and goes on in wi. `backwards`: the density is that of drawing wo where light comes from
-// wi. `bumps` shadow what is diffuse. All in one, since compilers copy what is called to each place where it is.
+// Value and pdf of scattering from wo to wi. `backwards`: the pdf is that of sampling wo given wi. `bumps` shadow
+// diffuse lobes. One function for all, since compilers inline each call.
 fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool, bumps: Shadowing) -> Scattered {
     if (HAS_ROUGH_GLASS && is_by_rough_glass(m, wo, wo.z * wi.z < 0.0)) {
         return scattered_by_rough_glass(m, wo, wi, mode, backwards);
     }
     if (!reflects(m, wo, wi)) { return UNSCATTERED; }
-    // By which direction a lobe is chosen.
+    // Direction that lobes are chosen by.
     let from_dir = select(wo, wi, backwards);
     let diffuse = cosine_hemisphere_pdf(select(abs(wi.z), abs(wo.z), backwards));
     let lit = shadowing_factor(bumps, towards_camera(wi, wo, mode));
@@ -81,7 +81,7 @@ fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool, b
     let density = facet_density(facets, h);
     let extents = vec2f(facet_extent(facets, wo), facet_extent(facets, wi));
     var d = quotient(density, extents.x * extents.y);
-    // Of what keeps its energy masking is by the height of facets.
+    // Materials that keep their energy use height-correlated masking.
     if ((m.kind == ROUGH_CONDUCTOR || is_principled(m)) && keeps_energy(m)) {
         d = correlated(density, extents, wo, wi);
     }
@@ -95,7 +95,7 @@ fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool, b
         return Scattered(all_bounces, of_once * drawn + (1.0 - of_once) * diffuse);
     }
     if (HAS_LAYERED && m.kind == LAYERED) {
-        // Both on the front.
+        // Turns both to the front.
         let sign = front_of(wo);
         let to_dir = select(wi, wo, backwards);
         var glossy = layered_fresnel(m, cos_d) * d;
@@ -131,7 +131,7 @@ fn scattered_by_rough_glass(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwa
     }
     let facets = facets_of(boundary);
     var scattered = UNSCATTERED;
-    // The way of the light, and perhaps the other way.
+    // The first way gives the value; `backwards`, the second gives the pdf.
     for (var way = 0u; way < 2u; way++) {
         let turned = way == 1u;
         let f = facet_between(boundary, select(wo, wi, turned), select(wi, wo, turned));
@@ -158,7 +158,7 @@ fn scattered_by_rough_glass(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwa
             if (!turned) { scattered.value = value; }
         }
         if (HAS_LAYERED && m.kind == LAYERED) {
-            // Reflections on the front are another matter.
+            // Other lobes reflect on the front.
             let from_dir = select(wo, wi, turned);
             if (!f.is_reflection || from_dir.z < 0.0) { pdf = pdf_through_layered(m, from_dir, f.cos_o, pdf); }
         }
@@ -174,7 +174,7 @@ fn bsdf_eval(m: Material, wo: vec3f, wi: vec3f, mode: u32) -> vec3f {
 
 fn bsdf_pdf(m: Material, wo: vec3f, wi: vec3f) -> f32 { return bsdf_scatter(m, wo, wi, FLUX, false, NO_SHADOWING).pdf; }
 
-// Draw wi: `u_lobe` chooses a lobe, `u` a direction in it; both uniform in [0, 1). `bumps` shadow what is diffuse.
+// Samples wi: `u_lobe` chooses a lobe, `u` a direction in it; both uniform in [0, 1). `bumps` shadow diffuse lobes.
 fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32, bumps: Shadowing) -> BsdfSample {
     switch m.kind {
         case DIELECTRIC: { return sample_boundary(m, wo, u_lobe, mode); }
@@ -192,7 +192,7 @@ fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32, bumps: 
     let sign = front_of(wo);
     let front = wo * sign;
     if (front.z <= 0.0) { return absorbed(); }
-    // Probability of a lobe of facets, or of a smooth coat's reflection.
+    // Probability of the microfacets, or of a smooth coat's reflection.
     var p = 0.0;
     var odds = vec3f(0.0);
     if (HAS_PLASTIC && m.kind == PLASTIC) {
@@ -252,7 +252,7 @@ fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32, bumps: 
         return BsdfSample(wi * sign, (1.0 - delta) * cosine_pdf, weight, flags);
     }
     if (!HAS_FACETS) { return absorbed(); }
-    // Of one lobe of facets, masking is all that is left; and the facet is known, where directions would not tell.
+    // A single microfacet lobe leaves only the masking. The facet is known here; directions alone would not tell it.
     if ((m.kind == ROUGH_CONDUCTOR && !keeps_energy(m)) || by_glass) {
         let facets = any_facets_of(m);
         let visible = quotient(facet_density(facets, h), facet_extent(facets, front));
@@ -289,12 +289,12 @@ fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32, bumps: 
     return BsdfSample(wi * sign, scattered.pdf, scattered.value * quotient(abs(wi.z), scattered.pdf), flags);
 }
 
-// Lobes of less roughness are followed: hardly a photon is seen in them, and light sampling hardly hits them.
+// Paths follow lobes of less roughness: hardly a photon is seen in them, and light sampling hardly hits them.
 const FOLLOWED_BELOW: f32 = 0.1;
 
 fn is_gloss(alpha: f32) -> bool { return alpha >= 0.02f && alpha <= 0.5f; }
 
-// Whether it scatters in discrete directions alone.
+// Whether it has delta lobes only.
 fn is_smooth(m: Material) -> bool {
     switch m.kind {
         case DIELECTRIC, THIN_DIELECTRIC, CONDUCTOR, MIRROR, NULL_BOUNDARY: { return true; }
@@ -302,12 +302,12 @@ fn is_smooth(m: Material) -> bool {
     }
 }
 
-// Whether all that it scatters is a lobe that paths follow.
+// Whether it is a single rough lobe that paths follow.
 fn is_followed_alone(m: Material) -> bool {
     return (m.kind == ROUGH_CONDUCTOR || m.kind == ROUGH_DIELECTRIC) && m.roughness < FOLLOWED_BELOW;
 }
 
-// Whether it has a lobe that photons are seen in, and which is far from diffuse.
+// Whether it has a lobe that sees photons and is far from diffuse.
 fn is_glossy(m: Material) -> bool {
     switch m.kind {
         case ROUGH_CONDUCTOR, ROUGH_DIELECTRIC, ROUGH_PLASTIC: { return is_gloss(m.roughness); }
@@ -320,30 +320,30 @@ fn is_glossy(m: Material) -> bool {
     }
 }
 
-// One of the lobes of a surface, chosen by chance, or all of them.
+// One lobe of a surface, chosen by chance, or all of them.
 struct OneLobe {
     material: Material,
-    // Probability of the choice, where samples do not hold it.
+    // Probability of the choice, unless samples contain it.
     p: f32,
-    // A uniform number to sample it by.
+    // Uniform number for sampling it.
     u: f32,
-    // A path follows it.
+    // Paths follow it.
     is_followed: bool,
-    // It scatters in discrete directions alone.
+    // It has delta lobes only.
     is_smooth: bool,
 }
 
 fn this_lobe(m: Material, lobes: u32, p: f32, u: f32, is_followed: bool) -> OneLobe {
     var part = m;
     part.bits = (m.bits & ~(GLOSS | COAT | BASE | BOUNCES)) | lobes;
-    // Of a coat over a base, what is left is all that there is.
+    // Rough coats and their bases ignore lobe bits: zeroes the other part.
     if (HAS_ROUGH_PLASTIC && m.kind == ROUGH_PLASTIC) {
         if (is_followed) { part.reflectance = vec3f(0.0); } else { part.transmittance = vec3f(0.0); }
     }
     return OneLobe(part, p, u, is_followed, false);
 }
 
-// Choose between the rough lobes that paths follow and all others, where there are both.
+// Chooses between the rough lobes that paths follow and all others, if there are both.
 fn narrow_or_wide(m: Material, wo: vec3f, u: f32) -> OneLobe {
     var p = -1.0;
     var narrow = GLOSS;
@@ -367,19 +367,18 @@ fn narrow_or_wide(m: Material, wo: vec3f, u: f32) -> OneLobe {
     return this_lobe(m, others, 1.0 - p, quotient(u - p, 1.0 - p), false);
 }
 
-// The same, smooth ones among them.
+// The same, including delta lobes.
 fn one_lobe(m: Material, wo: vec3f, u: f32) -> OneLobe {
     if (HAS_PLASTIC && m.kind == PLASTIC) {
         let delta = mirror_probability(m, wo);
-        // Samples of the smooth lobe hold its probability.
+        // Samples of the delta lobe contain its probability.
         if (delta > 0.0 && u < delta) { return OneLobe(m, 1.0, 0.0, true, true); }
         if (delta > 0.0) { return this_lobe(m, BASE, 1.0 - delta, quotient(u - delta, 1.0 - delta), false); }
     }
     return narrow_or_wide(m, wo, u);
 }
 
-// Of surfaces whose gloss obeys rules of its own: that, as if it were followed, or what is beneath, by chance where
-// there are both.
+// For gloss with rules of its own: chooses it, as if paths followed it, or the base, if there are both.
 fn gloss_or_base(m: Material, wo: vec3f, u: f32) -> OneLobe {
     var p = -1.0;
     var gloss = m.bits & (GLOSS | BOUNCES);
@@ -393,7 +392,7 @@ fn gloss_or_base(m: Material, wo: vec3f, u: f32) -> OneLobe {
         p = odds.x + odds.y;
     }
     if (p < 0.0) { return OneLobe(m, 1.0, u, m.kind == ROUGH_CONDUCTOR || m.kind == ROUGH_DIELECTRIC, false); }
-    // Lights may be seen by either, wherever a direction would be drawn.
+    // Lights may be seen by either, however rarely its directions are drawn.
     p = select(select(0.75f, p, p < 0.75f), 0.25f, !(p > 0.25f));
     if (u < p) { return this_lobe(m, gloss, p, u, true); }
     return this_lobe(m, BASE, 1.0 - p, u, false);

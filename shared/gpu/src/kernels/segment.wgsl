@@ -1,16 +1,16 @@
-// Unscattered light that a homogeneous medium turns towards the ray's origin: which light, and at which point of a
-// segment. The renderer's `LightSources::sample` and `single_scattering`.
+// Single scattering in a homogeneous medium: chooses a light, and a point of a ray segment where its light scatters.
+// The renderer's `LightSources::sample` and `single_scattering`.
 //
-// Points follow the light of a source at distance D from the line, 1 / (D^2 + s^2), s the position along the line from
-// the foot of the perpendicular, and a phase function that peaks forwards: in psi, the angle by which light is turned,
-// tan(psi / 2) = (s + d) / D, angles in proportion to Poisson's kernel.
+// Points follow the falloff of a source at distance D from the line, 1 / d^2 = 1 / (D^2 + s^2), with s the position
+// from the foot of the perpendicular (equiangular sampling), and a forward-peaked phase function: psi, the angle by
+// which light is turned, tan(psi / 2) = (s + d) / D, is drawn in proportion to Poisson's kernel.
 
 struct FogSegment {
-    // It starts at the ray's origin.
+    // Starts at the ray's origin.
     ray: Ray,
     // Finite.
     length: f32,
-    // Extinction of the channels; those that do not scatter count like the least of the others.
+    // Extinction by channel; channels that do not scatter take the least value of the others.
     sigma_t: vec3f,
     phase: Phase,
     // Mean cosine.
@@ -18,42 +18,42 @@ struct FogSegment {
     medium: u32,
 }
 
-// A chosen light and point; where `pdf` is zero, the light does not shine on the segment.
+// A chosen light and point; if `pdf` is zero, the light does not reach the segment.
 struct SegmentSample {
     light: u32,
     // Distance along the ray.
     t: f32,
-    // Density of the distance, times the probability of the light.
+    // Pdf of the distance, times the light's pmf.
     pdf: f32,
-    // Square of the distance to the light, at least of its radius; infinite for what comes from afar.
+    // Squared distance to the light, at least its squared radius; infinite for infinitely distant lights.
     distance2: f32,
-    // Square of the light's radius.
+    // Squared radius of the light.
     radius2: f32,
-    // Probability of the light.
+    // Probability of choosing the light.
     pmf: f32,
-    // The point that the light starts from, if one was drawn.
+    // Point where the light starts, if one was drawn.
     has_start: bool,
     start: vec3f,
 }
 
-// A segment as one light sees it.
+// A segment as seen by one light.
 struct LitSegment {
-    // None of it: all else is zero.
+    // False: unlit; all else is zero.
     is_lit: bool,
     is_near: bool,
-    // The part that the light shines on.
+    // Lit part.
     start: f32,
     end: f32,
     importance: f32,
     // Distance along the ray of the point nearest to the light.
     foot: f32,
-    // Square of the light's radius, or as little as keeps things finite.
+    // Squared radius of the light, or a tiny value that keeps results finite.
     softening: f32,
-    // Distance of the line.
+    // Distance of the light from the line.
     height: f32,
     // (1 + g) / (1 - g).
     k: f32,
-    // k tan(psi / 2) at the start of the part, and the angle from there to the end.
+    // k tan(psi / 2) at the start of the lit part, and the angle from there to its end.
     tan_start: f32,
     angle: f32,
     // Probability of drawing the distance by transmittance.
@@ -65,12 +65,12 @@ fn least_of_channels(v: vec3f) -> f32 {
     return select(yz, v.x, v.x < yz);
 }
 
-// What is not less than another.
+// Clamps; NaN becomes the bound.
 fn not_below(x: f32, least: f32) -> f32 { return select(least, x, x > least); }
 
 fn not_above(x: f32, most: f32) -> f32 { return select(most, x, x < most); }
 
-// The part of a segment that lies before a plane; none where it ends before it starts.
+// Part of a segment in front of a plane; none if it ends before it starts.
 fn clip_by_plane(source: LightSource, ray: Ray, length: f32) -> vec2f {
     let height = dot3(ray.origin - source.apex, source.axis);
     let slope = dot3(ray.dir, source.axis);
@@ -83,7 +83,7 @@ fn clip_by_plane(source: LightSource, ray: Ray, length: f32) -> vec2f {
     return vec2f(0.0);
 }
 
-// The part that lies before the planes of a pyramid.
+// Part in front of all planes of a pyramid.
 fn clip_by_pyramid(source: LightSource, ray: Ray, length: f32) -> vec2f {
     let offset = ray.origin - source.apex;
     var range = vec2f(0.0, length);
@@ -108,7 +108,7 @@ fn is_in_cone(source: LightSource, x: vec3f) -> bool {
     return along > 0.0 && along * along >= source.width * source.width * dot3(x, x);
 }
 
-// Zero where it is no number.
+// Clamps to [0, length]; NaN becomes 0.
 fn within(t: f32, length: f32) -> f32 { return select(0.0, not_above(t, length), t > 0.0); }
 
 // A convex cone and a line share one interval: one of the three between the roots of (dot(x, axis))^2 = cos^2 |x|^2
@@ -134,14 +134,14 @@ fn clip_by_cone(source: LightSource, ray: Ray, length: f32) -> vec2f {
     return vec2f(0.0);
 }
 
-// tan(psi / 2) = (s + d) / D, in the form that does not cancel.
+// tan(psi / 2) = (s + d) / D, without cancellation.
 fn tan_half(s: f32, height: f32) -> f32 {
     let d = root(s * s + height * height);
     if (s > 0.0) { return quotient(s + d, height); }
     return quotient(height, d - s);
 }
 
-// The least normal number, and by how much rounding of points keeps lines off point lights.
+// Least normal float; share of squared distances by which rounding keeps lines off point lights.
 const LEAST: u32 = 0x00800000u;
 const ROUNDED_OFF: f32 = 1e-12f;
 
@@ -175,7 +175,7 @@ fn view_of_segment(source: LightSource, segment: FogSegment) -> LitSegment {
     let a = k * tan_half(s0, height);
     let b = k * tan_half(s1, height);
     let angle = arc_tan2(b - a, 1.0 + a * b);
-    // Along the segment to the origin. How much of the way from the light lies in the medium is not known.
+    // Along the segment to the origin. How much of the light's way lies in the medium is unknown.
     let way = not_above(not_below(foot, range.x), range.y);
     let depth = sigma_t * (range.y - range.x);
     let importance = quotient(source.intensity * angle, height) * 0.159154937f * exp_neg(-sigma_t * way);
@@ -188,7 +188,7 @@ fn view_of_segment(source: LightSource, segment: FogSegment) -> LitSegment {
 
 fn is_grey(v: vec3f) -> bool { return v.x == v.y && v.y == v.z; }
 
-// A distance by the transmittance of one of the channels.
+// Distance drawn by the transmittance of a channel.
 fn distance_by_depth(view: LitSegment, sigma_t: vec3f, number: f32) -> f32 {
     var sigma = sigma_t.x;
     var u = number;
@@ -206,7 +206,7 @@ fn distance_by_angle(view: LitSegment, u: f32) -> f32 {
     let more = quotient(turn.x, turn.y);
     let left = 1.0 - view.tan_start * more;
     var tangent = of_bits(INFINITY);
-    // Beyond a right angle by rounding.
+    // Rounding may move it beyond a right angle.
     if (left > 0.0) { tangent = quotient(view.tan_start + more, left * view.k); }
     return view.foot + 0.5 * view.height * (tangent - quotient(1.0, tangent));
 }
@@ -240,14 +240,14 @@ fn pdf_by_angle(view: LitSegment, t: f32) -> f32 {
     let tangent = tan_half(s, view.height);
     let scaled_up = view.k * tangent;
     var by_angle = quotient(scaled_up, 1.0 + scaled_up * scaled_up);
-    // Two factors, as the square may be more than a number can hold.
+    // Two factors, as the square may overflow.
     if (tangent > 1.0) {
         by_angle = quotient(quotient(view.k, tangent), quotient(1.0, tangent * tangent) + view.k * view.k);
     }
     return quotient(by_angle, d * view.angle);
 }
 
-// Density of `distance_in_segment`.
+// Pdf of `distance_in_segment`.
 fn pdf_in_segment(view: LitSegment, sigma_t: vec3f, t: f32) -> f32 {
     if (!view.is_near) { return pdf_by_depth(view, sigma_t, t); }
     let by_angle = pdf_by_angle(view, t);
@@ -257,14 +257,14 @@ fn pdf_in_segment(view: LitSegment, sigma_t: vec3f, t: f32) -> f32 {
     return by_angle;
 }
 
-// What views of lights are for: sums over all, the choice, whether a light chosen by power shines there, points.
+// Purposes of a light's view: summing over lights, choosing one, testing one chosen by power, placing points.
 const FOR_SUMS: u32 = 0u;
 const FOR_CHOICE: u32 = 1u;
 const FOR_LIGHT: u32 = 2u;
 const FOR_POINTS: u32 = 3u;
 
-// Choose a light and a point. Of a ball, points follow the light of one point, as if it were all: `s` draws that. All
-// views are of one place in the text, since compilers copy them to each.
+// Chooses a light and a point. For a ball, points follow the light of one of its points, drawn from `s`, as if that
+// were all. Views are computed in one place, since compilers inline each call.
 fn sample_segment(segment: FogSegment, u_light: f32, u: f32, s: ptr<function, Sampler>) -> SegmentSample {
     var sample = SegmentSample(NONE, 0.0, 0.0, of_bits(INFINITY), 0.0, 0.0, false, vec3f(0.0));
     if (lighting.lights == 0u) { return sample; }
@@ -291,7 +291,7 @@ fn sample_segment(segment: FogSegment, u_light: f32, u: f32, s: ptr<function, Sa
         }
         view = view_of_segment(source, segment);
         if (use_of == FOR_POINTS) { break; }
-        // Lights that are off.
+        // Rules keep the light off the medium.
         if (is_unlit(segment.medium, light)) { view.is_lit = false; }
         if (use_of == FOR_LIGHT && !view.is_lit) { return sample; }
         if (view.is_lit && use_of == FOR_SUMS) {
@@ -335,7 +335,7 @@ fn sample_segment(segment: FogSegment, u_light: f32, u: f32, s: ptr<function, Sa
     return sample;
 }
 
-// Extinction of the channels, those that do not scatter like the least of the others.
+// `FogSegment.sigma_t` of a medium.
 fn scattering_sigma_t(m: Medium) -> vec3f {
     var smallest = of_bits(INFINITY);
     for (var channel = 0u; channel < 3u; channel++) {
@@ -344,40 +344,40 @@ fn scattering_sigma_t(m: Medium) -> vec3f {
     return select(vec3f(smallest), m.sigma_t, m.sigma_s > vec3f(0.0));
 }
 
-// A ray to a light that is scattered once on a segment, before it is known what is in its way.
+// A ray to a light, scattered once on a segment, before its occlusion test.
 struct ScatteredRay {
-    // Nothing arrives.
+    // No light arrives.
     is_dark: bool,
-    // Drawn by the phase function: it counts if it meets the light.
+    // Drawn by the phase function; counts if it meets the light.
     by_phase: bool,
     light: u32,
     ray: Ray,
-    // Of the light, where the ray was drawn to it.
+    // Of the light, if the ray was drawn to it.
     distance: f32,
-    // Light on the ray over the density of the ray, where it was drawn to the light.
+    // Radiance over the pdf, if the ray was drawn to the light.
     weight: vec3f,
-    // The phase function, and how likely rays are drawn by it.
+    // Value of the phase function, and the probability of drawing rays by it.
     value: f32,
     share: f32,
-    // Density of rays to the light.
+    // Pdf of rays drawn to the light.
     pdf: f32,
-    // What all is multiplied and divided by.
+    // Factor and divisor of the result.
     factor: vec3f,
     density: f32,
 }
 
-// Whether rules keep light off a medium that comes straight from a light.
+// Whether rules keep a light's direct light off a medium.
 fn is_unlit(medium: u32, light: u32) -> bool {
     if (lighting.unlit == 0u) { return hides_light(lighting.gather_hides, light); }
     return light_tables[lighting.unlit + medium * lighting.lights + light] == 1.0;
 }
 
-// Rays to a light pass what its photons do.
+// Whether no ray meets the light; rays to it pass what its photons pass.
 fn is_never_met(light: u32) -> bool {
     return only_sampled(light) || hides_shape_of(light_sources[light].photon_hides, light);
 }
 
-// `single_scattering` up to its ray. `medium`: a number, of a medium that scatters.
+// First part of `single_scattering`, up to its ray. `medium`: number of a medium that scatters.
 fn scattered_ray(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> ScatteredRay {
     let m = media[medium];
     let segment = FogSegment(ray, length, scattering_sigma_t(m), m.phase, m.g, medium);
@@ -393,7 +393,7 @@ fn scattered_ray(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<functio
     if (is_environment(sample.light)) { found.share = 0.5; }
     if ((kind == AREA || kind == TWO_SIDED_AREA) && !is_never_met(sample.light)) {
         let x = quotient(3.1415927f * sample.radius2, sample.distance2) * phase_peak(m.phase);
-        // Where it is too faint, the phase function's peak need not be looked after.
+        // For fainter lights, the phase function's peak does not matter.
         if (!(x < 0.02f)) { found.share = quotient(0.5 * x, 1.0 + x); }
     }
     if (found.share > 0.0) { found.by_phase = next_1d(s) < found.share; }
@@ -420,7 +420,7 @@ fn scattered_ray(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<functio
     return found;
 }
 
-// What a ray drawn by the phase function brings that arrived somewhere, if that is its light.
+// Light found by a ray drawn by the phase function, if it arrived at its light.
 fn met_by_phase(found: ScatteredRay, arrived: Arrived) -> vec3f {
     var emitted = vec3f(0.0);
     var hit = no_hit();
@@ -436,7 +436,7 @@ fn met_by_phase(found: ScatteredRay, arrived: Arrived) -> vec3f {
     return emitted * arrived.transmittance * quotient(found.value, mixture);
 }
 
-// What a ray drawn to a light brings, by the transmittance of its way.
+// Light found by a ray drawn to the light, given the transmittance.
 fn found_at_light(found: ScatteredRay, transmittance: vec3f) -> vec3f {
     let scattered = found.weight * transmittance * found.value;
     if (!(found.share > 0.0)) { return scattered; }
@@ -444,15 +444,15 @@ fn found_at_light(found: ScatteredRay, transmittance: vec3f) -> vec3f {
     return scattered * quotient(found.pdf, mixture);
 }
 
-// Light that is scattered once, and the light that it comes from.
+// Singly scattered light, and the light that it comes from.
 struct ScatteredOnce {
     radiance: vec3f,
     light: u32,
 }
 
-// Light straight from a light that a segment from the ray's origin scatters once, before what `beta` is the throughput
-// for. `medium`: a number, of a medium that scatters. `length` is finite. Where rays are traced in kernels of their
-// own: `scattered_ray`, and of what is not dark `walk_straight` and `scattered_light`.
+// Direct light that a segment from the ray's origin scatters once; `beta`: throughput before that. `medium`: number of
+// a medium that scatters; `length` is finite. Kernels that trace rays on their own use `scattered_ray` and, unless it
+// is dark, `walk_straight` and `scattered_light`.
 fn single_scattering(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> ScatteredOnce {
     let found = scattered_ray(ray, length, medium, beta, s);
     if (found.is_dark) { return ScatteredOnce(vec3f(0.0), 0u); }
@@ -462,7 +462,7 @@ fn single_scattering(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<fun
     return ScatteredOnce(scattered_light(found, arrived), found.light);
 }
 
-// What a ray brings that is not dark.
+// Last part of `single_scattering`, for a ray that is not dark.
 fn scattered_light(found: ScatteredRay, arrived: Arrived) -> vec3f {
     var arriving = vec3f(0.0);
     if (found.by_phase) {

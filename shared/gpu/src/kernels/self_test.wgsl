@@ -1,4 +1,4 @@
-// What `self_test.rs` compares with a processor: one row of results for each operation, in its order.
+// What `self_test.rs` compares with a processor: one row of results per operation, in its order.
 
 @group(0) @binding(0) var<storage, read> operands: array<vec2u>;
 @group(0) @binding(1) var<storage, read_write> results: array<u32>;
@@ -37,7 +37,7 @@ fn operations(
     put_float(15u, i, select(-abs(a), b, a > b));
     put_float(16u, i, f32(u));
     put_float(17u, i, f32(bitcast<i32>(u)));
-    // Within range, which nothing else may be.
+    // Conversions are defined within range only.
     let within = select(0.0, a, abs(a) < 2147483648.0);
     put(18u, i, bitcast<u32>(i32(within)));
     put(19u, i, u32(abs(within)));

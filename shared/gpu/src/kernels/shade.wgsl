@@ -1,6 +1,6 @@
-// Walls in the way of light. After `rays.wgsl`.
+// Walls in the way of light. Goes after `rays.wgsl`.
 
-// Objects of this class are no walls.
+// Class of objects that are no walls.
 const NO_WALL: u32 = 4u;
 
 fn is_wall(object: u32) -> bool { return (objects[object].classes & NO_WALL) == 0u; }

@@ -1,40 +1,40 @@
-// What is in the way of light: `Scene::unoccluded`. On the texts of surfaces, whose classes of objects it looks at.
+// What is in the way of light: the renderer's `Scene::unoccluded`. Goes after `surface.wgsl` and `interaction.wgsl`.
 
-// Transmittance of a medium, or of VACUUM: an estimate where the density varies.
+// Transmittance of a medium or VACUUM; an estimate if the density varies.
 fn transmittance_in(medium: u32, ray: Ray, distance: f32, s: ptr<function, Sampler>) -> vec3f {
     if (medium == VACUUM) { return vec3f(1.0); }
     if (is_varying(medium)) { return varying_transmittance(medium, ray.origin, ray.dir, distance, s); }
     return transmittance(media[medium], distance);
 }
 
-// Turns of a walk, at most: the renderer has no end, and no scene as many boundaries.
+// Most turns of a walk. The renderer has no limit, but no scene has as many boundaries.
 const MOST_WALKED: u32 = 4096u;
 
 fn no_surface(ray: Ray) -> SurfacePoint { return surface_point(Hit(0.0, NOTHING, 0u, vec2f(0.0)), ray); }
 
-// What is looked for next: anything that blocks a shadow ray; the next surface that it may go through; the next of all
-// surfaces; what lies where the boundary of a medium is.
+// What is looked for next: anything that blocks a shadow ray; the next surface that it may pass; the next of all
+// surfaces; what coincides with a medium boundary.
 const BLOCKED: u32 = 0u;
 const BOUNDARY: u32 = 1u;
 const SURFACE_OR_BOUNDARY: u32 = 2u;
 const BESIDE_BOUNDARY: u32 = 3u;
 
-// Where a ray ends that goes straight through boundaries of media.
+// Where a ray ends that goes straight through medium boundaries.
 struct Arrived {
-    // The surface that it meets; NOTHING where it leaves the scene, or was to go to a light.
+    // Surface hit; NOTHING if the ray leaves the scene or was sent to a light.
     at: SurfacePoint,
     distance: f32,
-    // Zero where a shadow ray is blocked.
+    // Zero if a shadow ray is blocked.
     transmittance: vec3f,
-    // That it came through at last.
+    // Last medium that it came through.
     medium: u32,
 }
 
-// `to_light`: as a shadow ray, `Scene::unoccluded`, at a distance which may be infinite, to a light or NONE: blocked by
-// any surface but that of the light; or to the first surface.
-// `across`: the surface that it starts from and crosses, coming through `medium`; of NOTHING where it crosses none.
-// `hides`: objects that it passes, by bits of classes. All of it is one loop with one search and one walk through a
-// medium, since compilers copy all of either to each place where there is one.
+// `to_light`: a shadow ray over `distance`, which may be infinite, to a light or NONE: any surface but the light's
+// blocks it. Otherwise, the ray goes to the first surface.
+// `across`: surface that it starts on and crosses, coming through `medium`; of NOTHING if it crosses none.
+// `hides`: class bits of objects that it passes. One loop with one search and one walk through a medium, since
+// compilers inline each call.
 fn walk_straight(
     ray: Ray,
     distance: f32,
@@ -46,7 +46,7 @@ fn walk_straight(
     s: ptr<function, Sampler>,
 ) -> Arrived {
     var way = ray;
-    // Surfaces up to a little short of the light, which may hide itself; media go on all the way.
+    // Surfaces up to a little short of the light, which may hide itself; media all the way.
     var look = RayTo(ray, select(of_bits(INFINITY), distance * 0.9999f, to_light));
     var left = distance;
     var step = SURFACE_OR_BOUNDARY;
@@ -75,12 +75,12 @@ fn walk_straight(
                     continue;
                 }
             }
-            // Nothing is left between here and the light.
+            // Nothing is left before the light.
             let is_end = step == BLOCKED || (step == BOUNDARY && !is_met);
             at = nowhere;
             if (is_end) { at.t = left; } else { at = surface_point(hit, look.ray); }
             if (step == SURFACE_OR_BOUNDARY && is_met && is_null(at.object)) {
-                // Surfaces that are something to see come before boundaries that are nothing else.
+                // Visible surfaces come before pure medium boundaries.
                 arrived.at = at;
                 step = BESIDE_BOUNDARY;
                 look = probe(at, way.dir);

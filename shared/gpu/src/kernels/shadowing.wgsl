@@ -1,7 +1,7 @@
 const ANY_MAP: bool = (SURFACES & 0x40000u) != 0u;
 
-// What the slopes of a map shadow: the normal before it was turned, in the frame of the hit, and the square of the roughness that a surface of
-// such slopes might have; below zero where there is no map.
+// Shadowing by a map's slopes: the normal before the map turned it, in the frame of the hit, and the squared roughness
+// of a surface with such slopes; negative without a map.
 struct Shadowing {
     normal: vec3f,
     alpha2: f32,
@@ -11,7 +11,7 @@ const NO_SHADOWING: Shadowing = Shadowing(vec3f(0.0), -1.0);
 
 fn has_map(shadowing: Shadowing) -> bool { return ANY_MAP && shadowing.alpha2 >= 0.0; }
 
-// Factor on diffuse light from a direction, in the frame of the hit.
+// Factor on diffuse light from a direction in the frame of the hit.
 fn shadowing_factor(shadowing: Shadowing, wi: vec3f) -> f32 {
     if (!has_map(shadowing) || shadowing.alpha2 == 0.0) { return 1.0; }
     let cos = not_above_one(abs(dot3(wi, shadowing.normal)));

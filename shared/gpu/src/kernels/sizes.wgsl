@@ -1,16 +1,16 @@
-// How many workgroups run over a count that is known on the device alone, for dispatches that follow. A thread for
-// each pass: each has its own part of the buffers, here by hand, since dispatches are for all passes together:
-// as many workgroups for each as the one with most elements has.
+// Workgroup counts for indirect dispatches over counts known only on the device. One invocation per pass: dispatches
+// cover all passes together, with as many workgroups for each as the largest needs. So each pass's part of the buffers
+// is found by hand here.
 
 @group(0) @binding(0) var<storage, read> count: array<u32>;
 @group(0) @binding(0) var<storage, read> before: array<Sizes>;
 @group(0) @binding(1) var<storage, read_write> sizes: array<Sizes>;
 @group(0) @binding(1) var<storage, read_write> digits: array<u32>;
 @group(0) @binding(2) var<storage, read> piece_count: array<u32>;
-// The first three numbers of `PieceParts`.
+// First three members of `PieceParts`.
 @group(0) @binding(3) var<storage, read> parts: array<u32, 3>;
 
-// Tiles of so many elements: at least one, so that a sum of none is written too.
+// Elements of a tile. There is at least one tile, so that a sum of none is written too.
 const TILE: u32 = 2048u;
 
 fn tile_count(elements: u32) -> u32 { return max(elements / TILE + u32(elements % TILE > 0u), 1u); }
@@ -26,7 +26,7 @@ fn tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
     sizes[group.z] = Sizes(group_rows(most, groups.z), count_of(group.z, groups.z));
 }
 
-// Of the sums of tiles.
+// For the sums of tiles.
 @compute @workgroup_size(1)
 fn tiles_of_tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
     var most = 0u;
@@ -34,13 +34,13 @@ fn tiles_of_tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) 
     sizes[group.z] = Sizes(group_rows(most, groups.z), tile_count(before[group.z].count));
 }
 
-// Of sixteen digits a tile.
+// Sixteen digits per tile.
 @compute @workgroup_size(1)
 fn digits_of_tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
     digits[group.z * (arrayLength(&digits) / groups.z)] = 16u * tile_count(before[group.z].count);
 }
 
-// A thread each, 64 a workgroup.
+// One invocation per element, 64 per workgroup.
 @compute @workgroup_size(1)
 fn threads(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
     var most = 0u;
@@ -48,7 +48,7 @@ fn threads(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
     sizes[group.z] = Sizes(group_rows(most, groups.z), count_of(group.z, groups.z));
 }
 
-// A thread for every four of those before, down to one.
+// One invocation for every four of the earlier elements, at least one.
 @compute @workgroup_size(1)
 fn threads_of_four(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
     var most = 0u;
@@ -56,7 +56,7 @@ fn threads_of_four(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
     sizes[group.z] = Sizes(group_rows(most, groups.z), quarter_of(before[group.z].count));
 }
 
-// The same as those before, but none where all pieces of a hierarchy are in parts before these.
+// The earlier sizes, or no workgroups if all pieces are in earlier parts.
 @compute @workgroup_size(1)
 fn of_parts(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let first = parts[0] << (2u * parts[2] + 2u);

@@ -1,21 +1,21 @@
-// Rays in trees of long thin triangles, whose boxes have axes of their own.
+// Rays in BVHs of slivers, long thin triangles, whose boxes have axes of their own.
 
-// What waits on the stack of a traversal: where the ray enters, and a child. STACK entries are enough for the scene's
-// trees: the program's text says how many.
+// Entry of a traversal's stack: where the ray enters, and the child. The program's text defines STACK, the number of
+// entries that the scene needs.
 struct Waiting { t: f32, child: u32 }
 alias Stack = array<Waiting, STACK>;
 
-// A ray as turned boxes are tested against it.
+// A ray, prepared for oriented boxes.
 struct TurnedRay { origin: vec3f, dir: vec3f, least: f32, grown: f32 }
 
 fn turned_ray(tree: u32, origin: vec3f, dir: vec3f) -> TurnedRay {
     let from_center = origin - sliver_trees[tree].center;
-    // What rounding moves triangles and boxes by as the ray sees them: eight units in the last place.
+    // How far rounding moves triangles and boxes as the ray sees them: eight ulps.
     let rounding = 9.5367431640625e-7f * (root(dot3(from_center, from_center)) + 2.0 * sliver_trees[tree].radius);
     return TurnedRay(from_center, dir, least_of(dir), rounding);
 }
 
-// Where the ray enters the boxes of a node, and which of them it meets before t_max.
+// Where the ray enters a node's boxes, and which of them it hits before t_max.
 struct Entered { near: vec4f, is_met: vec4<bool> }
 
 const FARTHER: f32 = 1.00000047683715820312f;
@@ -44,7 +44,7 @@ fn enter_turned(node: u32, ray: TurnedRay, t_max: f32) -> Entered {
     return Entered(near, (near <= far) & (turned_nodes[node].children != vec4u(NOTHING)));
 }
 
-// Put what is met on the stack above `bottom`, the nearer the sooner. Returns what waits then.
+// Pushes hit children above `bottom`, the nearest on top. Returns the stack's new size.
 fn push_met(stack: ptr<function, Stack>, bottom: u32, met: Entered, children: vec4u) -> u32 {
     var waiting = bottom;
     for (var i = 0u; i < 4u; i++) {
@@ -64,11 +64,11 @@ fn push_met(stack: ptr<function, Stack>, bottom: u32, met: Entered, children: ve
     return waiting;
 }
 
-// A triangle is of group `four`, or none.
+// `four`: the triangle's group, or NOTHING.
 struct TriangleHit { t: f32, four: u32, place: u32, uv: vec2f }
 
-// The nearest hit in (0, t_max) among the slivers of a tree; of several at the same distance the first that is found.
-// `first_only`: or another. The stack is free from `bottom` on.
+// Nearest hit in (0, t_max) among a BVH's slivers; of equally near ones the first found. `first_only`: any hit will do.
+// The stack is free from `bottom` on.
 fn slivers_hit(
     tree: u32,
     origin: vec3f,

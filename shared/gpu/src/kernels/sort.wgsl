@@ -1,18 +1,18 @@
-// One step of a stable radix sort of (key, value) by four bits of the key. A tile a workgroup, eight pairs in a row a
-// thread.
+// One pass of a stable radix sort of (key, value), by four bits of the key. One tile per workgroup, eight consecutive
+// pairs per invocation.
 
 struct Step { shift: u32 }
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(0) @binding(1) var<storage, read> step_: Step;
 @group(1) @binding(2) var<storage, read> pairs: array<vec2u>;
-// Digit by digit, and tile by tile within: how many there are, and once those are summed up, where they go.
+// By digit, then by tile: counts; after their prefix sum, where the pairs go.
 @group(1) @binding(3) var<storage, read_write> digits: array<u32>;
 @group(1) @binding(4) var<storage, read_write> sorted: array<vec2u>;
 
 const TILE: u32 = 2048u;
 
-// For each digit and thread, digits of eight and more in the high half.
+// By digit and invocation; digits from eight on in the high half.
 var<workgroup> counts: array<u32, 2048>;
 var<workgroup> places: array<u32, 16>;
 
@@ -26,7 +26,7 @@ fn count_at(digit: u32, thread: u32) -> u32 {
 
 fn count_one(digit: u32, thread: u32) { counts[(digit & 7u) * 256u + thread] += 1u << ((digit >> 3u) * 16u); }
 
-// The digits of a thread's own pairs.
+// Counts the digits of an invocation's own pairs.
 fn count_digits(tile: u32, thread: u32) {
     for (var k = 0u; k < 8u; k++) { counts[k * 256u + thread] = 0u; }
     let first = tile * TILE + thread * 8u;
@@ -36,7 +36,7 @@ fn count_digits(tile: u32, thread: u32) {
     workgroupBarrier();
 }
 
-// From numbers to sums of all before, by digit and then by thread: where in the tile a pair is once that is sorted.
+// Turns counts into prefix sums, by digit and then by invocation: places of pairs in the sorted tile.
 fn sum_counts(thread: u32) {
     var total = 0u;
     for (var k = 0u; k < 8u; k++) {
@@ -46,7 +46,7 @@ fn sum_counts(thread: u32) {
         total += here;
     }
     let sum = sum_up_to(thread, total);
-    // Those of the low half come before all of the high half.
+    // The low half's digits come before all of the high half's.
     let before = sum - total + (parts[255] << 16u);
     for (var k = 0u; k < 8u; k++) { counts[thread * 8u + k] += before; }
     workgroupBarrier();

@@ -1,4 +1,4 @@
-// Keys of two words: what the sort by the low words found, with the high words instead.
+// Keys of two words: pairs for sorting by low words, then, in that order, by high words.
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 // (low, high).

@@ -1,8 +1,8 @@
-// Sums over the 256 threads of a workgroup, which stay in `parts`.
+// Prefix sums over a workgroup of 256 invocations, which stay in `parts`.
 
 var<workgroup> parts: array<u32, 256>;
 
-// The sum of the threads' numbers up to a thread's own.
+// Inclusive.
 fn sum_up_to(thread: u32, number: u32) -> u32 {
     parts[thread] = number;
     workgroupBarrier();

@@ -1,38 +1,35 @@
-// From what a ray meets to a point on a surface, with the renderer's bits: its `SurfaceHit`, what rays that start there
-// are, and which medium is beyond. `world/shapes.rs` has the same structs.
+// From a ray's hit to a point on a surface, bitwise equal to the renderer's `SurfaceHit`; the rays that start there,
+// and the medium beyond. `world/shapes.rs` has the same structs.
 
-// Bits of shapes.
-// A round shape whose normal is turned around.
+// Flags of shapes.
+// A round shape with its normal flipped.
 const FLIPPED: u32 = 1u;
-// Vertices of its mesh are not in render space.
+// The mesh's vertices are not in render space.
 const PLACED: u32 = 2u;
-// Something looks at its texture coordinates.
+// Texture coordinates are used.
 const HAS_UV: u32 = 4u;
-// Its mesh has normals.
 const HAS_NORMALS: u32 = 8u;
-// Its mesh has texture coordinates.
+// The mesh has texture coordinates.
 const HAS_OWN_UV: u32 = 16u;
-// There are null boundaries in the scene.
+// The scene has pure medium boundaries.
 const AMONG_BOUNDARIES: u32 = 32u;
-// Vertices of its mesh have colours.
 const HAS_COLORS: u32 = 64u;
-// Vertices of its mesh have tangents of their own.
+// The file gives tangents.
 const HAS_TANGENTS: u32 = 128u;
 
-// By columns: from an object's own space to render space.
+// Map from object space to render space, by columns.
 struct PlacedShape {
     x_axis: vec3f,
     bits: u32,
     y_axis: vec3f,
-    // Of its mesh.
     first_triangle: u32,
     z_axis: vec3f,
-    // Magnitude of the largest number that places a point.
+    // Largest absolute coordinate that a point of the unit cube may get.
     scale: f32,
     translation: vec3f,
-    // Of its mesh, where vertices have colours: the texel of that of the first of all vertices, if it had one.
+    // If vertex colours are used: the texel that the first of all vertices would have.
     first_color: u32,
-    // The same of tangents that its file gives.
+    // The same for tangents from files.
     first_tangent: u32,
 }
 
@@ -46,20 +43,20 @@ struct Vertex { position: vec3f, u: f32, normal: vec3f, v: f32 }
 struct SurfacePoint {
     // On the surface itself.
     point: vec3f,
-    // NOTHING: there is no surface, and all but t is zero.
+    // NOTHING: no surface; all but t is zero.
     object: u32,
-    // Unit normals, outside; that of shading in the hemisphere of the geometric one.
+    // Unit normals on the outside; ns is in the hemisphere of ng.
     ng: vec3f,
-    // Of its mesh.
+    // Within its mesh.
     triangle: u32,
     ns: vec3f,
-    // Of the shading normal by a displacement.
+    // Change of the shading normal per displacement.
     curvature: f32,
-    // Zero where nothing looks at it.
+    // Zero if unused.
     uv: vec2f,
     // Along the ray.
     t: f32,
-    // How far rays that start there are moved off it.
+    // How far off the surface rays from here start.
     clearance: f32,
 }
 
@@ -70,7 +67,7 @@ fn to_render(object: u32, p: vec3f) -> vec3f {
         + placed_shapes[object].translation;
 }
 
-// The direction of the normal whose direction in its own space is n.
+// Direction of a normal in render space, given one in object space.
 fn placed_normal(object: u32, n: vec3f) -> vec3f {
     return vec3f(dot3(objects[object].x_axis, n), dot3(objects[object].y_axis, n), dot3(objects[object].z_axis, n));
 }
@@ -119,12 +116,12 @@ struct Three { a: vec3f, b: vec3f, c: vec3f }
 // `w`: weights of the second and third.
 fn interpolated(p: Three, w: vec2f) -> vec3f { return p.a * (1.0 - w.x - w.y) + p.b * w.x + p.c * w.y; }
 
-// How much the normal turns along an edge.
+// How much the normal turns along an edge, per length.
 fn edge_turn(edge: vec3f, by: vec3f) -> f32 {
     return quotient(dot3(by, edge), greater(dot3(edge, edge), of_bits(0x00800000u)));
 }
 
-// The mean over the edges.
+// Mean over the edges.
 fn edge_curvature(p: Three, n: Three) -> f32 {
     let sum = edge_turn(p.b - p.a, n.b - n.a) + edge_turn(p.c - p.b, n.c - n.b) + edge_turn(p.a - p.c, n.a - n.c);
     return quotient(sum, 3.0);
@@ -181,7 +178,6 @@ fn shading_at(hit: Hit, ray: Ray) -> Shading {
     return cylinder_shading(hit.object, bits, hit.t, own);
 }
 
-// Everything about a hit of a ray, `closest_hit`'s for one.
 fn surface_point(hit: Hit, ray: Ray) -> SurfacePoint {
     if (hit.object == NOTHING) {
         return SurfacePoint(vec3f(0.0), NOTHING, vec3f(0.0), 0u, vec3f(0.0), 0.0, vec2f(0.0), hit.t, 0.0);
@@ -193,17 +189,16 @@ fn surface_point(hit: Hit, ray: Ray) -> SurfacePoint {
     );
 }
 
-// The ray that leaves the surface towards the unit vector `dir`.
+// Ray that leaves the surface in the unit direction `dir`.
 fn spawn_ray(at: SurfacePoint, dir: vec3f) -> Ray {
     let side = select(at.clearance, -at.clearance, dot3(at.ng, dir) < 0.0);
     return Ray(at.point + at.ng * side, dir);
 }
 
-// A ray, and how far it goes.
+// A ray and its length.
 struct RayTo { ray: Ray, distance: f32 }
 
-// To the point at a distance, which may be infinite, in direction `dir` from the surface; and how far that is from
-// where the ray starts.
+// Ray from the surface to the point at `distance`, which may be infinite, in direction `dir`, and its length.
 fn ray_to(at: SurfacePoint, dir: vec3f, distance: f32) -> RayTo {
     let ray = spawn_ray(at, dir);
     let way = at.point + dir * distance - ray.origin;
@@ -213,22 +208,22 @@ fn ray_to(at: SurfacePoint, dir: vec3f, distance: f32) -> RayTo {
     return RayTo(Ray(ray.origin, aimed), length);
 }
 
-// Whether an object is nothing but the boundary of a medium.
+// Whether an object is a pure medium boundary.
 fn is_null(object: u32) -> bool { return (objects[object].classes & NULL_BOUNDARIES) != 0u; }
 
-// Through all surfaces that lie where a point is, in direction `dir` or nearly so.
+// Short ray in roughly direction `dir` through all surfaces that coincide with a point.
 fn probe(at: SurfacePoint, dir: vec3f) -> RayTo {
     let n = at.ng * with_sign(1.0, dot3(at.ng, dir));
     return RayTo(Ray(at.point - n * at.clearance, n), 2.0 * at.clearance);
 }
 
-// The first surface that a ray meets, be it the boundary of a medium: of those and what lies at the same place, that.
-// Rays that start on a surface ignore nothing more: they start off it.
+// First surface that a ray hits. If that is a pure boundary, a visible surface at the same place comes first. Rays
+// start off the surface that they leave, so it need not be ignored.
 fn first_hit(ray: Ray, ignored: Ignored) -> SurfacePoint {
     var way = RayTo(ray, of_bits(INFINITY));
     var classes = ignored.classes;
     var met = surface_point(Hit(way.distance, NOTHING, 0u, vec2f(0.0)), ray);
-    // In a loop, since compilers copy all of a search to each place where there is one.
+    // A loop, since compilers inline each search.
     for (var turn = 0u; turn < 2u; turn++) {
         var found = surface_point(closest_hit(way.ray, way.distance, Ignored(ignored.object, classes)), way.ray);
         if (found.object == NOTHING) { break; }
@@ -241,22 +236,21 @@ fn first_hit(ray: Ray, ignored: Ignored) -> SurfacePoint {
     return met;
 }
 
-// Boundaries at one place, at most.
+// Most boundaries at one place.
 const MOST_CROSSED: u32 = 4u;
 
-// Where a ray is that has crossed all of some boundaries at one place: by boundary the media before and behind it, NONE
-// where there is none; the first is that of the surface which it met. `beyond`: the medium that this one leads to.
-// `current`: the one that the ray came through.
+// Medium of a ray after crossing coincident boundaries. `near`, `far`: the media before and behind each, NONE if there
+// is none; the first is the surface hit. `beyond`: the medium behind that. `current`: what the ray came through.
 fn medium_across(is_null: bool, beyond: u32, current: u32, near: vec4u, far: vec4u) -> u32 {
     var left = near;
     var medium = current;
-    // What a ray meets it crosses whatever it comes through; boundaries alone come in their turn.
+    // A visible surface is crossed from any medium; pure boundaries come in their turn.
     if (!(is_null && any(near == vec4u(current)))) {
         left.x = NONE;
         medium = beyond;
     }
     for (var count = 0u; count < MOST_CROSSED; count++) {
-        // One by one: not every driver gets numbers of components right that are found in a loop.
+        // One by one: not every driver handles vector components indexed in a loop.
         if (left.x == medium) {
             medium = far.x;
             left.x = NONE;
@@ -276,13 +270,12 @@ fn medium_across(is_null: bool, beyond: u32, current: u32, near: vec4u, far: vec
     return medium;
 }
 
-// The medium beyond a surface for a ray that crosses it in direction `dir`, coming through `current`: a medium's number
-// or VACUUM.
+// Medium beyond a surface, number or VACUUM, for a ray in direction `dir` that crosses it from `current`.
 fn medium_beyond(at: SurfacePoint, dir: vec3f, current: u32) -> u32 {
     let beyond = medium_towards(surfaces[at.object], at.ng, dir, current);
     if ((placed_shapes[at.object].bits & AMONG_BOUNDARIES) == 0u) { return beyond; }
-    // Arrays: drivers in software lose components that are written to vectors by a number found in a loop.
-    // By boundary: the media before and behind it; NONE where it has none.
+    // Arrays: software drivers lose vector components that are written by a dynamic index.
+    // By boundary: the media before and behind it; NONE if there is none.
     var near = array<u32, MOST_CROSSED>(NONE, NONE, NONE, NONE);
     var far = array<u32, MOST_CROSSED>(NONE, NONE, NONE, NONE);
     let across = probe(at, dir);
@@ -300,7 +293,7 @@ fn medium_beyond(at: SurfacePoint, dir: vec3f, current: u32) -> u32 {
         object = other.object;
         ng = other.ng;
     }
-    // What a ray meets it crosses whatever it comes through; boundaries alone come in their turn.
+    // A visible surface is crossed from any medium; pure boundaries come in their turn.
     var in_turn = false;
     if (is_null(at.object)) {
         for (var i = 0u; i < MOST_CROSSED; i++) { in_turn |= near[i] == current; }

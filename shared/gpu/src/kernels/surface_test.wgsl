@@ -1,13 +1,13 @@
-// What tests of `surface.wgsl` run.
+// Kernels for tests of `surface.wgsl`.
 
 struct Asked {
     origin: vec3f,
-    // Number of the medium that the ray is in.
+    // Medium that the ray is in.
     around: u32,
     dir: vec3f,
-    // Number of an object to pass through.
+    // Object to pass through.
     ignored: u32,
-    // Of a ray that starts where the first ends.
+    // Direction of a ray from the first one's end.
     wi: vec3f,
     distance: f32,
 }

@@ -1,47 +1,47 @@
-// Values over surfaces: images and checkerboards, as the renderer looks them up. `world/textures.rs` has the same
-// struct. After `texels.wgsl`.
+// Surface textures, images and checkerboards, as in the renderer. `world/textures.rs` has the same struct. Goes after
+// `texels.wgsl`.
 
-// Kinds: one of the first two.
+// Bits of `kind`: one of these two.
 const IMAGE: u32 = 1u;
 const CHECKERBOARD: u32 = 2u;
-// Not interpolated.
+// No interpolation.
 const NEAREST: u32 = 4u;
-// Beyond its edges: neither of them where it repeats.
+// Beyond the edges; with neither bit, the image repeats.
 const MIRRORS: u32 = 8u;
 const CLAMPS: u32 = 16u;
-// Times the colours of vertices: by `interaction.wgsl`.
+// Multiplied by vertex colours, in `interaction.wgsl`.
 const BY_COLORS: u32 = 32u;
 
 struct SurfaceTexture {
-    // By columns: a map that is applied to the surface's coordinates first.
+    // Map that is first applied to the surface's coordinates, by columns.
     x_axis: vec2f,
     y_axis: vec2f,
     translation: vec2f,
     kind: u32,
-    // Its first pixel, or its first colour.
+    // First pixel or colour.
     first: u32,
     width: u32,
     height: u32,
-    // Of its material: what it is the value of.
+    // Property of the material that it controls.
     field: u32,
     padding: u32,
 }
 
-// By light: of what it emits. Then those of a material one after another.
+// By light: its emission. Then those of materials, one material after another.
 @group(0) @binding(38) var<storage, read> textures: array<SurfaceTexture>;
 
 fn by_map(t: SurfaceTexture, uv: vec2f) -> vec2f {
     let mapped = t.x_axis * uv.x + t.y_axis * uv.y + t.translation;
-    // From here on there are no fractions. Overflow becomes a number, and so does the difference of two.
+    // From here on there are no fractions. Infinity and NaN become finite.
     let most = vec2f(8388608.0);
     let above = select(-most, mapped, mapped > -most);
     return select(most, above, above < most);
 }
 
-// In [0, 1]: rounding may take it up to 1.
+// In [0, 1]: rounding may yield 1.
 fn fraction_of(t: f32) -> f32 { return t - floor(t); }
 
-// The triangle wave that is t on [0, 1].
+// Triangle wave; t itself on [0, 1].
 fn triangle_wave(t: f32) -> f32 {
     let within = 2.0 * fraction_of(0.5 * t);
     return select(within, 2.0 - within, within > 1.0);
@@ -53,10 +53,10 @@ fn wrapped(t: f32, kind: u32) -> f32 {
     return fraction_of(t);
 }
 
-// Two pixels of a row whose centres enclose a coordinate, and how far it is from the first to the second.
+// Two pixels of a row whose centres enclose a coordinate, and the fraction of the way to the second.
 struct Neighbours { first: u32, second: u32, fraction: f32 }
 
-// Of `t`, in [0, 1], in a row of `n`. Beyond the first and the last pixel is the other one, or itself.
+// Of `t`, in [0, 1], in a row of `n`. Beyond the first and last pixel is the one at the other end, or the same again.
 fn neighbours_of(t: f32, n: u32, repeats: bool) -> Neighbours {
     let x = t * f32(n) - 0.5;
     let whole = floor(x);
@@ -91,7 +91,7 @@ fn image_value(t: SurfaceTexture, uv: vec2f) -> vec3f {
 
 fn is_upper(t: f32) -> bool { return t - floor(t) > 0.5; }
 
-// The value at these texture coordinates of a surface; of one that is an image or a checkerboard.
+// Value of an image or a checkerboard at a surface's texture coordinates.
 fn texture_value(t: SurfaceTexture, uv: vec2f) -> vec3f {
     let mapped = by_map(t, uv);
     if ((t.kind & IMAGE) != 0u) { return image_value(t, mapped); }
@@ -100,7 +100,7 @@ fn texture_value(t: SurfaceTexture, uv: vec2f) -> vec3f {
 
 fn luminance_of(c: vec3f) -> f32 { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }
 
-// Derivatives of the luminance by the surface's coordinates. Zero where steps are all there is.
+// Gradient of the luminance in the surface's coordinates; zero for step functions.
 fn texture_gradient(t: SurfaceTexture, uv: vec2f) -> vec2f {
     if ((t.kind & (IMAGE | NEAREST)) != IMAGE) { return vec2f(0.0); }
     let at = by_map(t, uv);

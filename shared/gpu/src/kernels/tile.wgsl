@@ -1,9 +1,9 @@
-// The same sums by tiles of 64 segments that are near each other: a workgroup goes through the hierarchy together,
-// sixteen nodes and their children at a time, keeps those that any of its segments may meet, and then every segment
-// looks at the pieces that are left: first which of them are near, and then those. After `gather.wgsl`.
+// The same sums by tiles of 64 nearby segments. A workgroup traverses the BVH together, sixteen nodes and their
+// children at a time, and keeps those that any of its segments may hit. Each segment then looks at the remaining
+// pieces: first which are near, then at those. Goes after `gather.wgsl`.
 
-// All segments of a tile: where they begin, one over their directions by sign, the longest. No direction of a sign
-// where the low is above the high.
+// Bounds over a tile's segments: origins, inverse directions by sign, greatest length. No direction has a sign if its
+// low is above its high.
 struct Bundle {
     origin_low: vec3f,
     length: f32,
@@ -15,7 +15,7 @@ struct Bundle {
 }
 
 var<workgroup> bundles: array<Bundle, 64>;
-// Nodes to be entered, by level.
+// Nodes to enter, by level.
 var<workgroup> queue: array<u32, 512>;
 var<workgroup> kept: array<atomic<u32>, 2>;
 var<workgroup> list: array<Piece, 64>;
@@ -36,7 +36,7 @@ fn both(a: Bundle, b: Bundle) -> Bundle {
     );
 }
 
-// Whether any ray of a bundle may meet a box.
+// Whether any ray of a bundle may hit a box.
 fn may_meet(bundle: Bundle, box: Bounds) -> bool {
     let low = box.low - bundle.origin_high;
     let high = box.high - bundle.origin_low;
@@ -52,17 +52,17 @@ fn may_meet(bundle: Bundle, box: Bounds) -> bool {
         <= smaller(smaller(far.x, far.y), smaller(far.z, bundle.length));
 }
 
-// What the pieces of the list bring to a segment, in their order. First it is found which are near, and for which of
-// these a ray must tell whether walls hide them: so a step is taken by all threads at once that have to take it at all.
+// Adds what the listed pieces bring to a segment, in their order. First finds those that are near, and those of them
+// that need a ray to a wall, so that invocations that need a step take it together.
 fn gather_listed(sum: ptr<function, Brought>, segment: Segment, inv: vec3f, medium: Scattering, found: u32) {
     for (var first = 0u; first < found; first += MOST_WAITING) {
-        // By bits, those that are near.
+        // Bit mask of near pieces.
         var near = 0u;
         let end = min(first + MOST_WAITING, found);
         for (var k = first; k < end; k++) {
             if (is_near(segment, inv, list[k])) { near |= 1u << (k - first); }
         }
-        // By two bits each, which points walls may hide, and then, which they do.
+        // Two bits per piece: points that walls may hide; later, those that they do.
         var asked = 0u;
         var left = near;
         while (left != 0u) {
@@ -121,7 +121,7 @@ fn by_tile(
     if (inside) { sum = sum_before(number); }
     let top = part_level();
     let end_part = end_of_parts();
-    // Of the queues of levels: how many nodes have been entered, and how many there are.
+    // By level: nodes entered from the queue, and its length.
     var head: array<u32, 8>;
     var length: array<u32, 8>;
     for (var part = range.first; part < end_part; part++) {

@@ -1,17 +1,17 @@
-// Photon paths: the renderer's `beam/trace.rs`. A turn is one ray, whatever it is for, and what follows from what it
-// meets: kernels have one search for rays, and no thread has more turns in a dispatch than software can do.
+// Photon paths: the renderer's `beam/trace.rs`. A turn is one ray, whatever it is for, and what follows from its hit:
+// kernels contain a single search, and a dispatch has few enough turns for software devices.
 
-// What a dispatch does.
+// Parameters of a dispatch.
 struct Round {
-    // The path that the first state is of.
+    // Path of the first state.
     first: u32,
-    // As many states.
+    // Number of states.
     count: u32,
     // 0: beams and photons are counted; 1: they are written.
     writes: u32,
-    // Rays of each path.
+    // Rays per path.
     turns: u32,
-    // The most that there is room for.
+    // Capacities.
     beams: u32,
     photons: u32,
     steps: u32,
@@ -20,18 +20,18 @@ struct Round {
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(0) @binding(1) var<storage, read> trace_round: Round;
 @group(1) @binding(2) var<storage, read_write> paths: array<PhotonPath>;
-// States of paths that have not ended, in their order.
+// States of live paths, in order.
 @group(1) @binding(3) var<storage, read_write> live: array<u32>;
-// By state: how many before have not ended.
+// By state: number of live ones before it.
 @group(1) @binding(4) var<storage, read_write> live_before: array<u32>;
-// By path: beams and photons that it leaves, then how many those before it leave.
+// By path: beams and photons that it leaves; then their prefix sums.
 @group(1) @binding(5) var<storage, read_write> beam_places: array<u32>;
 @group(1) @binding(6) var<storage, read_write> photon_places: array<u32>;
 @group(1) @binding(7) var<storage, read_write> beams: array<Beam>;
 @group(1) @binding(8) var<storage, read_write> beam_ends: array<BeamEnds>;
 @group(1) @binding(9) var<storage, read_write> surface_photons: array<SurfacePhoton>;
 
-// For what is told at the end.
+// Statistics for the host.
 struct Told {
     beams: u32,
     photons: u32,
@@ -53,14 +53,14 @@ fn clamped_radius(radius: f32, ceiling: f32) -> f32 {
 
 fn ceiling_of(f: Footprint) -> f32 { return select(trace_plan.ceiling, trace_plan.smooth_ceiling, f.scattered == 1u); }
 
-// Kernel radius of a beam of such a footprint.
+// Kernel radius of a beam.
 fn beam_radius(f: Footprint, medium: u32) -> f32 {
     let radius = clamped_radius(footprint_radius(f) * 1.5, ceiling_of(f));
     let widest = select(traced_media[medium].widest_sharp, traced_media[medium].widest_smooth, f.scattered == 1u);
     return select(widest, radius, radius < widest) * trace_plan.radius_scale;
 }
 
-// Of a surface photon, before anything is known of edges.
+// Kernel radius of a surface photon, before edges narrow it.
 fn photon_radius(f: Footprint, object: u32) -> f32 {
     let overlap = select(3.0, 7.5, f.scattered == 1u);
     let radius = clamped_radius(footprint_radius(f) * trace_plan.surface_footprint * overlap, ceiling_of(f));
@@ -68,8 +68,8 @@ fn photon_radius(f: Footprint, object: u32) -> f32 {
     return select(widest, radius, radius < widest) * trace_plan.surface_scale;
 }
 
-// How far beyond a surface a beam reaches with some of its width, when it meets the surface at such a cosine. Bounded
-// for grazing angles and so that the cone keeps half of its radius.
+// How far beyond a surface some of a beam's width reaches, if it meets the surface at this cosine. Bounded for grazing
+// angles, and so that the cone keeps half of its radius.
 fn overhang(cosine: f32, radius: f32, slope: f32) -> f32 {
     let size = abs(cosine);
     let c = select(0.05f, size, size > 0.05f);
@@ -79,14 +79,14 @@ fn overhang(cosine: f32, radius: f32, slope: f32) -> f32 {
     return smaller(smaller(length, 4.0 * radius), limit);
 }
 
-// What a ray that leaves a surface starts on.
+// ENDS_ON_SURFACE or ENDS_ON_BOUNDARY, for a ray that leaves an object.
 fn surface_end(object: u32) -> u32 {
     let is_wall = (objects[object].classes & NO_WALL) == 0u;
     if (is_wall || surfaces[object].interior == NONE) { return ENDS_ON_SURFACE; }
     return ENDS_ON_BOUNDARY;
 }
 
-// Whether the camera may see something within a radius of the straight line between two points. False is sure.
+// Whether the camera may see something within a radius of a line segment. False is certain.
 fn is_in_view(a: vec3f, b: vec3f, radius: f32) -> bool {
     let size_a = abs(a);
     let size_b = abs(b);
@@ -100,11 +100,11 @@ fn is_in_view(a: vec3f, b: vec3f, radius: f32) -> bool {
     return true;
 }
 
-// Whether it leaves a beam in its medium.
+// Whether the photon leaves a beam in its medium.
 fn leaves_beam(p: ptr<function, PhotonPath>, path: u32) -> bool {
     let flags = traced_media[(*p).medium].flags;
     let is_by_beams = (flags & IS_BY_BEAMS) != 0u;
-    // Light straight from its source is sampled where the medium is the same everywhere.
+    // In a homogeneous medium, camera paths sample direct light.
     var counts = is_by_beams && (!((*p).arrival == ARRIVED_DIRECT) || is_varying((*p).medium));
     if ((*p).arrival == ARRIVED_CAUSTIC && (traced_lights[(*p).light].bits & BRINGS_CAUSTICS) != 0u) { counts = true; }
     if ((*p).arrival == ARRIVED_SCATTERED) { counts = true; }
@@ -113,13 +113,13 @@ fn leaves_beam(p: ptr<function, PhotonPath>, path: u32) -> bool {
     return counts && (flags & SCATTERS) != 0u && path < trace_plan.beam_paths;
 }
 
-// In a medium whose density varies: the walk along a beam that it leaves, whose steps are kept, or its flight.
+// In a medium of varying density: the walk along the photon's beam, whose steps are stored, or its flight.
 fn walked(p: ptr<function, PhotonPath>, path: u32, s: ptr<function, Sampler>) -> Walk {
     if (!((*p).step == ARRIVE || (*p).step == TRAVEL) || (*p).medium == VACUUM) { return no_walk(); }
     if (!is_varying((*p).medium)) { return no_walk(); }
     let of_beam = (*p).step == ARRIVE && leaves_beam(p, path);
     var walk = walk_begins((*p).medium, (*p).origin, (*p).dir, (*p).at.t, !of_beam, of_beam, (*p).power, s);
-    // It has ended already where the ray does not meet the medium.
+    // The ray misses the medium's box: the walk has already ended.
     if (walk.is == NO_WALK) {
         if (!of_beam) { walk.is = BY_FLIGHT; }
         return walk;
@@ -141,7 +141,7 @@ fn walked(p: ptr<function, PhotonPath>, path: u32, s: ptr<function, Sampler>) ->
     return walk;
 }
 
-// The ray of the photon is about to go through a medium, which ends where the ray meets something.
+// The photon's ray is about to cross a medium, up to its hit.
 fn arrive(p: ptr<function, PhotonPath>, path: u32, walk: Walk) {
     if ((*p).medium == VACUUM) {
         (*p).step = MEET;
@@ -149,7 +149,7 @@ fn arrive(p: ptr<function, PhotonPath>, path: u32, walk: Walk) {
     }
     (*p).step = TRAVEL;
     if (!leaves_beam(p, path)) { return; }
-    // Other kernels than those of light that was scattered are narrow.
+    // Kernels of unscattered light are narrow.
     var may_be_beside = (*p).footprint.scattered == 1u;
     if (VARIES) {
         if (is_varying((*p).medium)) {
@@ -161,7 +161,7 @@ fn arrive(p: ptr<function, PhotonPath>, path: u32, walk: Walk) {
     (*p).step = select(LEAVE_BEAM, TRY_BEAM, may_be_beside);
 }
 
-// Leave a beam of the light that flies to what is there, over the part of its way that can be seen.
+// Leaves a beam over the visible part of the photon's way to its hit.
 fn leave_beam(p: ptr<function, PhotonPath>) {
     (*p).step = TRAVEL;
     let medium = traced_media[(*p).medium];
@@ -180,7 +180,7 @@ fn leave_beam(p: ptr<function, PhotonPath>) {
     var ends = BeamEnds((*p).start, (*p).start_is, vec3f(0.0), ENDS_NOWHERE);
     var extents = vec2f(0.0, length);
     if (start_of_box > 0.0) {
-        // Its whole width does.
+        // All of its width enters there.
         ends.start_is = ENDS_NOWHERE;
         extents.x = start_of_box - smaller(start_of_box, 2.0 * radius);
     } else if (!(ends.start_is == ENDS_NOWHERE)) {
@@ -191,7 +191,7 @@ fn leave_beam(p: ptr<function, PhotonPath>) {
         ends.end_is = surface_end((*p).at.object);
         extents.y = length + overhang(dot3((*p).dir, ends.end), radius_end, slope);
     }
-    // In other media camera paths go on from their vertices, and may gather beams anywhere.
+    // In other media, camera paths go on from their vertices and may gather beams anywhere.
     if (trace_plan.has_view == 1u && (medium.flags & IS_BY_BEAMS) != 0u) {
         let widest = larger(radius + slope * extents.x, radius + slope * extents.y);
         let start = (*p).origin + (*p).dir * extents.x;
@@ -211,14 +211,14 @@ fn leave_beam(p: ptr<function, PhotonPath>) {
     }
 }
 
-// Fly through the medium, perhaps to what is there.
+// Flies through the medium: the photon is scattered, or reaches its hit.
 fn travel(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, walk: Walk) {
     let medium = media[(*p).medium];
     let is_by_beams = (traced_media[(*p).medium].flags & IS_BY_BEAMS) != 0u;
     let before = mean_of((*p).power);
     var flight: Flight;
     if (is_varying((*p).medium)) {
-        // A beam may have been walked along before.
+        // The walk was along a beam: the flight is still to come.
         if (!(walk.is == BY_FLIGHT)) { return; }
         flight = Flight(walk.value, walk.distance, u32(walk.scattered));
     } else {
@@ -241,7 +241,7 @@ fn travel(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, walk: Walk) {
     (*p).dir = dir;
     (*p).hides = traced_media[(*p).medium].hides;
     (*p).start_is = ENDS_NOWHERE;
-    // What other media send on is found by camera paths.
+    // Camera paths find what other media send on.
     (*p).arrival = select(ARRIVED_SURFACE, ARRIVED_SCATTERED, is_by_beams);
     (*p).found_by = select(BY_PATHS, BY_PHOTONS, is_by_beams);
     (*p).flown = 0.0;
@@ -250,8 +250,8 @@ fn travel(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, walk: Walk) {
     (*p).step = FLY;
 }
 
-// By which lobes of the surface that it has met a photon is to be seen; none if it is not to be left. Of a blend, camera
-// paths choose the part that sees it.
+// Lobes of the hit surface that are to see the photon; none if it is not to be stored. In a blend, camera paths choose
+// the part that sees it.
 fn seen_by(p: PhotonPath) -> u32 {
     let object = traced_objects[p.at.object].bits;
     let light = traced_lights[p.light].bits;
@@ -264,13 +264,13 @@ fn seen_by(p: PhotonPath) -> u32 {
         default: {}
     }
     by_wide &= (object & IS_WIDE) != 0u;
-    // Where a rough lobe was before, camera paths look for the light from there.
+    // After a rough lobe, camera paths look for the light from there.
     let by_followed = p.arrival == ARRIVED_CAUSTIC && p.is_sharp == 1u && (light & IS_UNMET) != 0u
         && (object & IS_FOLLOWED) != 0u;
     return select(0u, SEEN_BY_WIDE_LOBES, by_wide) | select(0u, SEEN_BY_FOLLOWED_LOBES, by_followed);
 }
 
-// The photon has come to what its ray meets.
+// The photon reaches its hit.
 fn meet(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
     (*p).step = ENDED;
     let object = (*p).at.object;
@@ -295,14 +295,14 @@ fn meet(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
     }
 }
 
-// Leave a surface photon where the photon has landed. The height is that from which walls are looked for, later.
+// Stores a surface photon. Walls near it are later looked for at its height.
 fn leave_photon(p: ptr<function, PhotonPath>) {
     (*p).step = SCATTER;
     if ((trace_plan.keeps & KEEPS_PHOTONS) == 0u) { return; }
     let place = (*p).photons;
     (*p).photons += 1u;
     if (trace_round.writes == 0u || place >= trace_round.photons) { return; }
-    // Camera paths go on after a flight so short from a surface that they would have ended at.
+    // Camera paths do not end after so short a flight: they go on.
     let is_near = !((*p).arrival == ARRIVED_CAUSTIC) && (*p).flown < trace_plan.least_flight;
     let light = traced_lights[(*p).light].class_bit;
     var found_by = select((*p).found_by, BY_PATHS, !((*p).found_by == BY_PHOTONS) && is_near);
@@ -322,8 +322,8 @@ fn leave_photon(p: ptr<function, PhotonPath>) {
     );
 }
 
-// What interpolated normals cost a photon (Veach 1997, section 5.3). Zero where shading and geometric normal disagree
-// about the side.
+// Correction for interpolated normals (Veach 1997, section 5.3). Zero if shading and geometric normal disagree about
+// the side.
 fn adjoint_factor(ng: vec3f, ns: vec3f, wo: vec3f, wi: vec3f) -> f32 {
     let wo_g = dot3(wo, ng);
     let wo_s = dot3(wo, ns);
@@ -333,16 +333,16 @@ fn adjoint_factor(ng: vec3f, ns: vec3f, wo: vec3f, wi: vec3f) -> f32 {
     return abs(quotient(wo_s * wi_g, wo_g * wi_s));
 }
 
-// Expected photons of the light that this one brings to a surface, before the density of its next direction.
+// Expected photons of the light that this one brings to a surface, before the pdf of its next direction.
 fn expected_photons(p: PhotonPath) -> f32 {
-    // Of those that were reflected or scattered more than once the density is not known.
+    // After more than one bounce, their density is unknown.
     if (!(p.arrival == ARRIVED_DIRECT)) { return 1.0; }
     let wo = -p.dir;
     let density = photon_density(p.light, p.at.point, wo, LightHit(p.emitted_normal, p.flown, p.emitted_triangle));
     return trace_plan.in_kernel * density * abs(dot3(wo, p.at.ng));
 }
 
-// Go on from a surface in a sampled direction.
+// Goes on from a surface in a sampled direction.
 fn scatter(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
     (*p).step = ENDED;
     let at = (*p).at;
@@ -386,7 +386,7 @@ fn scatter(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
         }
     } else {
         (*p).found_by = BY_PATHS;
-        // The normal that a map makes is another one seen from elsewhere, and camera paths go on from gloss.
+        // Mapped normals depend on the viewing side, and camera paths go on from gloss: both are left to paths.
         let ends = trace_plan.ends_paths;
         let ends_here = ends == ENDS_PATHS_AT_SECOND || (ends > 0u && !is_glossy(lobe.material));
         if (ends_here && !has_map(met.shadowing)) {
@@ -405,7 +405,7 @@ fn scatter(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
     leave_surface(p, wi, is_transmitted);
 }
 
-// The ray that leaves the surface which the photon has met, on its other side perhaps, in another medium then.
+// Starts a ray off the hit surface; if it crosses that, in the medium beyond.
 fn leave_surface(p: ptr<function, PhotonPath>, dir: vec3f, crosses: bool) {
     let at = (*p).at;
     let ray = spawn_ray(at, dir);
@@ -426,10 +426,10 @@ fn leave_surface(p: ptr<function, PhotonPath>, dir: vec3f, crosses: bool) {
     cross_boundary(p, at.object, at.ng);
 }
 
-// One more boundary at one place; no more than four are looked for.
+// Adds a coincident boundary; at most four are looked for.
 fn cross_boundary(p: ptr<function, PhotonPath>, object: u32, ng: vec3f) {
     let i = (*p).crossed;
-    // Not every driver writes a component of a vector that is found by its number.
+    // Not every driver writes vector components by dynamic index.
     let here = vec4u(i) == vec4u(0u, 1u, 2u, 3u);
     (*p).near = select((*p).near, vec4u(medium_towards(surfaces[object], ng, -(*p).dir, NONE)), here);
     (*p).far = select((*p).far, vec4u(medium_towards(surfaces[object], ng, (*p).dir, NONE)), here);
@@ -440,7 +440,7 @@ fn cross_boundary(p: ptr<function, PhotonPath>, object: u32, ng: vec3f) {
     if (i == 3u) { follow_boundaries(p); }
 }
 
-// All that lie there are known.
+// Once all coincident boundaries are known.
 fn follow_boundaries(p: ptr<function, PhotonPath>) {
     let at = (*p).at;
     let beyond = medium_towards(surfaces[at.object], at.ng, (*p).dir, (*p).medium);
@@ -448,7 +448,7 @@ fn follow_boundaries(p: ptr<function, PhotonPath>) {
     (*p).step = FLY;
 }
 
-// What the step asks.
+// Ray query of the current step.
 fn query_of(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) -> Query {
     let ray = Ray((*p).origin, (*p).dir);
     switch (*p).step {
@@ -477,7 +477,7 @@ fn query_of(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) -> Query {
     }
 }
 
-// Whether a trial was the last that there is to know by.
+// Whether the trial decides: no further one is needed.
 fn is_last(p: ptr<function, PhotonPath>, is_there: bool, halves: bool) -> bool {
     var trials = (*p).trials;
     let result = is_last_trial(&trials, is_there, halves);
@@ -485,10 +485,10 @@ fn is_last(p: ptr<function, PhotonPath>, is_there: bool, halves: bool) -> bool {
     return result;
 }
 
-// A ray of a path, and what follows from it until it needs another.
+// Traces a ray of a path, and goes on until it needs another.
 fn turn(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, path: u32) {
     var query = query_of(p, s);
-    // Photons pass what rules hide from them; boundaries at one place are crossed all the same.
+    // Photons pass what rules hide from them; coincident boundaries are crossed all the same.
     if (!((*p).step == CROSS)) { query.passed.ignored.classes |= (*p).hides; }
     let hit = search(query.ray, query.t_max, query.passed, query.first_only);
     var found = surface_point(hit, query.ray);
@@ -577,7 +577,7 @@ fn advance(
     paths[state] = p;
 }
 
-// Which paths have not ended: 1 or 0.
+// 1 for each live path.
 @compute @workgroup_size(64)
 fn look_for_live(
     @builtin(workgroup_id) group: vec3u,
@@ -588,7 +588,7 @@ fn look_for_live(
     if (i < trace_round.count) { live_before[i] = u32(!(paths[i].step == ENDED)); }
 }
 
-// Once there are sums of those before.
+// Runs after their prefix sum.
 @compute @workgroup_size(64)
 fn list_live(
     @builtin(workgroup_id) group: vec3u,
@@ -599,7 +599,7 @@ fn list_live(
     if (i < trace_round.count && !(paths[i].step == ENDED)) { live[live_before[i]] = i; }
 }
 
-// What paths leave, once all have ended.
+// Stores how much each path leaves, once all have ended.
 @compute @workgroup_size(64)
 fn count_left(
     @builtin(workgroup_id) group: vec3u,
@@ -613,7 +613,7 @@ fn count_left(
     leave_steps(trace_round.first + i, paths[i].steps);
 }
 
-// Once a batch is done.
+// Runs after each batch.
 @compute @workgroup_size(1)
 fn tell_live() {
     var before = told.unfinished;
@@ -621,7 +621,7 @@ fn tell_live() {
     told.unfinished = before + live_count[0];
 }
 
-// Once all are done: how many there are, and how many are stored.
+// Runs at the end: how many there are, and how many are stored.
 @compute @workgroup_size(1)
 fn tell() {
     told.beams = all_beams[0];

@@ -1,4 +1,4 @@
-// What photon paths depend on beside the scene, as `trace/plan.rs` has it, which says more.
+// What photon paths depend on besides the scene; `trace/plan.rs` describes it.
 
 struct TracePlan {
     stream: Stream,
@@ -12,7 +12,7 @@ struct TracePlan {
     goes_on: u32,
     ends_paths: u32,
     has_boundaries: u32,
-    // Flags.
+    // KEEPS_BEAMS, KEEPS_PHOTONS.
     keeps: u32,
     lights: u32,
     kernel_paths: f32,
@@ -24,40 +24,39 @@ struct TracePlan {
     smooth_ceiling: f32,
     in_kernel: f32,
     least_flight: f32,
-    // Wavelengths of the pass; and by the row of a material and wavelength, indices inside over those outside.
+    // Number of wavelengths. By dispersive material and wavelength: index inside over outside.
     waves: u32,
     etas: array<array<f32, 8>, 16>,
 }
 
 const KEEPS_BEAMS: u32 = 1u;
 const KEEPS_PHOTONS: u32 = 2u;
-// Of `ends_paths`: 1, camera paths may end by the photons of a surface; with this all do at their second.
+// Of `ends_paths`. 1: camera paths may end at a surface's photons; 2: all end at their second surface.
 const ENDS_PATHS_AT_SECOND: u32 = 2u;
 
 struct TracedLight {
     sum: f32,
     in_caustic: f32,
     bits: u32,
-    // By bits of classes: its own, and what its photons do not see.
+    // Class bits: its own, and those of what its photons do not see.
     class_bit: u32,
     hides: u32,
-    // The group whose layer it belongs to, from 1 on; 0: none.
+    // Group whose layer it belongs to, 1-based; 0: none.
     light_group: u32,
 }
 
-// Photons bring what comes by way of its specular surfaces; no path meets it.
+// Photons bring its caustics; no path meets it.
 const BRINGS_CAUSTICS: u32 = 1u;
 const IS_UNMET: u32 = 2u;
 
 struct TracedMedium {
     reach: f32,
     least_sigma_t: f32,
-    // Widest base radius of a beam of light that has been through specular surfaces only, and of light that has been
-    // scattered.
+    // Widest base radius of a beam whose light has only met specular surfaces, and of scattered light.
     widest_sharp: f32,
     widest_smooth: f32,
     flags: u32,
-    // What photons that it scatters do not see, by bits of classes, and lights whose photons leave nothing there.
+    // Class bits of what photons that it scatters do not see, and of lights whose photons leave nothing in it.
     hides: u32,
 }
 
@@ -67,12 +66,11 @@ const IS_BY_BEAMS: u32 = 2u;
 struct TracedObject {
     widest: f32,
     bits: u32,
-    // What photons do not see that it sends on, by bits of classes, and lights whose photons do not light it.
+    // Class bits of what photons that it scatters do not see, and of lights whose photons do not light it.
     hides: u32,
 }
 
-// It has lobes that paths do not follow, and ones that they do which are not smooth; rules leave what it sends on to
-// photons.
+// It has lobes that paths do not follow; rough ones that they do; rules leave what it scatters to photons.
 const IS_WIDE: u32 = 1u;
 const IS_FOLLOWED: u32 = 2u;
 const IS_NOT_GATHERED: u32 = 4u;

@@ -1,4 +1,4 @@
-// Boxes around every four boxes in their order, around every four of those, and so on.
+// BVH, bottom-up: boxes around every four boxes in order, around every four of those, and so on.
 
 struct Bounds {
     low: vec3f,
@@ -7,7 +7,7 @@ struct Bounds {
     spare_high: u32,
 }
 
-// Where the nodes of a level begin, and those of the level below.
+// First node of a level, and of the level below.
 struct Level {
     here: u32,
     below: u32,
@@ -16,7 +16,7 @@ struct Level {
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read> below: Sizes;
 @group(0) @binding(2) var<storage, read> level: Level;
-// In the second word of each, the numbers of boxes in their order.
+// y: box numbers in order.
 @group(1) @binding(3) var<storage, read_write> order: array<vec2u>;
 @group(1) @binding(4) var<storage, read> boxes: array<Bounds>;
 @group(1) @binding(5) var<storage, read_write> nodes: array<Bounds>;
@@ -31,7 +31,7 @@ fn around(a: Bounds, b: Bounds) -> Bounds {
 
 fn number(group: vec3u, groups: vec3u, thread: u32) -> u32 { return group_number(group, groups) * 64u + thread; }
 
-// Boxes in the order they come in.
+// Takes boxes in the order given.
 @compute @workgroup_size(64)
 fn as_given(
     @builtin(workgroup_id) group: vec3u,

@@ -1,10 +1,10 @@
-// Rays and triangles, four at a time, without leaks along edges (Woop, Benthin, Wald 2013, Watertight ray/triangle
-// intersection): step by step as the renderer does it.
+// Watertight ray/triangle tests, four at a time (Woop, Benthin, Wald 2013, Watertight ray/triangle intersection), step
+// by step as in the renderer.
 
-// A ray sheared so that it runs along +z.
+// A ray, sheared to run along +z.
 struct ShearedRay {
     axes: vec3u,
-    // By these axes.
+    // In the order of `axes`.
     origin: vec3f,
     shear: vec3f,
 }
@@ -34,10 +34,10 @@ fn projected(four: u32, corner: u32, ray: ShearedRay) -> Corner {
     );
 }
 
-// What a ray passes through: an object, and those with any of these bits.
+// What a ray passes through: an object, and those of any of these classes.
 struct Ignored { object: u32, classes: u32 }
 
-// Two objects more; none of them where there is `NOTHING`.
+// Two more objects, or NOTHING.
 struct Passed { ignored: Ignored, others: vec2u }
 
 fn is_passed(object: u32, passed: Passed) -> bool {
@@ -45,11 +45,11 @@ fn is_passed(object: u32, passed: Passed) -> bool {
         || (objects[object].classes & passed.ignored.classes) != 0u;
 }
 
-// Where is beyond t_max, there is none.
+// `place` 4: no hit.
 struct FourHit { t: f32, place: u32, uv: vec2f }
 
-// The nearest hit in (0, t_max) among four triangles, of objects that are not passed; or place 4. `placed`: the
-// triangles are of a mesh that is searched by itself, and not passed.
+// Nearest hit in (0, t_max) among four triangles of objects that are not passed. `placed`: they are of a mesh with its
+// own BVH, which is not passed.
 fn four_hit(four: u32, ray: ShearedRay, t_max: f32, passed: Passed, placed: bool) -> FourHit {
     let a = projected(four, 0u, ray);
     let b = projected(four, 1u, ray);
@@ -60,7 +60,7 @@ fn four_hit(four: u32, ray: ShearedRay, t_max: f32, passed: Passed, placed: bool
     let zero = vec4f(0.0);
     let on_edge = (u == zero) | (v == zero) | (w == zero);
     if (any(on_edge)) {
-        // On an edge as far as single precision can tell.
+        // On an edge, as far as single precision can tell.
         for (var i = 0u; i < 4u; i++) {
             if (on_edge[i]) {
                 let here = vec4u(0u, 1u, 2u, 3u) == vec4u(i);
@@ -77,7 +77,7 @@ fn four_hit(four: u32, ray: ShearedRay, t_max: f32, passed: Passed, placed: bool
     let along = u * a.z + v * b.z + w * c.z;
     for (var i = 0u; i < 4u; i++) {
         if (inside[i]) {
-            // Not a number, and so no hit, where the determinant is zero.
+            // NaN, so no hit, if the determinant is zero.
             let t = quotient(along[i], det[i]);
             if (t > 0.0 && t < best.t && (placed || !is_passed(fours[four].objects[i], passed))) {
                 best.t = t;

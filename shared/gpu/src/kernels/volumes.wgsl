@@ -1,14 +1,14 @@
-// Media whose density varies: samples on a sparse lattice, trilinear between them, and bounds of these. Everything is
-// words of one buffer, which `world/volumes.rs` lays out: by medium where its record begins, zero for one that is the
-// same everywhere. In scenes without such media `even.wgsl` stands for it.
+// Media of varying density: samples on a sparse lattice, trilinear in between, and bounds. One buffer of words, laid
+// out by `world/volumes.rs`; it starts with each medium's offset of its record, zero for homogeneous ones. Scenes
+// without such media use `even.wgsl` instead.
 
 const VARIES = true;
-// Of a photon in a turn: along its beam, and its flight.
+// Walks of a photon per turn: along its beam, and its flight.
 const MOST_WALKS: u32 = 2u;
 
 @group(0) @binding(55) var<storage, read> volumes: array<u32>;
 
-// In a record.
+// Offsets in a record.
 const ESTIMATOR: u32 = 0u;
 const ALBEDO_CHANNELS: u32 = 1u;
 const CELL_SIDE: u32 = 2u;
@@ -19,7 +19,7 @@ const TO_SAMPLES: u32 = 8u;
 const TO_ALBEDO: u32 = 20u;
 const DENSITY: u32 = 32u;
 const ALBEDO: u32 = 48u;
-// In a grid.
+// Offsets in a grid.
 const DOMAIN: u32 = 0u;
 const CLAMPED: u32 = 6u;
 const BRICKS: u32 = 12u;
@@ -27,7 +27,7 @@ const TABLE: u32 = 14u;
 const VALUES: u32 = 15u;
 const GRID_WORDS: u32 = 16u;
 
-// Samples along a side of a stored brick.
+// Samples per side of a stored brick.
 const BRICK_SIDE: u32 = 9u;
 
 fn is_varying(medium: u32) -> bool { return !(volumes[medium] == 0u); }
@@ -36,14 +36,14 @@ fn volume_float(at: u32) -> f32 { return of_bits(volumes[at]); }
 
 fn volume_vector(at: u32) -> vec3f { return vec3f(volume_float(at), volume_float(at + 1u), volume_float(at + 2u)); }
 
-// A direction by a map's axes, and a point.
+// Applies a map to a direction, and to a point.
 fn turned_by(map: u32, v: vec3f) -> vec3f {
     return volume_vector(map) * v.x + volume_vector(map + 3u) * v.y + volume_vector(map + 6u) * v.z;
 }
 
 fn moved_by(map: u32, p: vec3f) -> vec3f { return turned_by(map, p) + volume_vector(map + 9u); }
 
-// What a grid has at a position of its own space; zero where that is no number.
+// Value of a grid at a position in its own space; zero outside and for NaN.
 fn grid_value(grid: u32, p: vec3f) -> f32 {
     let inside = all(p >= volume_vector(grid + DOMAIN)) && all(p <= volume_vector(grid + DOMAIN + 3u));
     if (!inside) { return 0.0; }
@@ -51,8 +51,8 @@ fn grid_value(grid: u32, p: vec3f) -> f32 {
     let last = volume_vector(grid + CLAMPED + 3u);
     var x = select(first, p, p > first);
     x = select(last, x, x < last);
-    // Adding 1.5 * 2^23 rounds to an integer; less a half before, to the one below, or to one that is just reached, with
-    // a weight of 1 for the next.
+    // Adding 1.5 * 2^23 rounds to an integer; less a half, to the one below. At an integer that may be the previous
+    // one, with a weight of 1 for the next.
     let shifted = (x - vec3f(0.5)) + vec3f(12582912.0);
     let cell = bitcast<vec3u>(shifted) & vec3u(0x3fffffu);
     let weight = x - (shifted - vec3f(12582912.0));
@@ -78,7 +78,7 @@ fn grid_edge(at: u32, weight: f32) -> f32 {
 
 fn density_at(record: u32, p: vec3f) -> f32 { return grid_value(record + DENSITY, p); }
 
-// The part of `sigma_s` that scatters, at a position of the density's space.
+// Share of `sigma_s` that scatters, at a position in the density's space.
 fn albedo_at(record: u32, p: vec3f) -> vec3f {
     let channels = volumes[record + ALBEDO_CHANNELS];
     var albedo = vec3f(1.0);
@@ -86,7 +86,7 @@ fn albedo_at(record: u32, p: vec3f) -> vec3f {
     let q = moved_by(record + TO_ALBEDO, p);
     for (var c = 0u; c < channels; c++) {
         let value = grid_value(record + ALBEDO + GRID_WORDS * c, q);
-        // One is for all channels.
+        // A single one counts for all channels.
         albedo = select(albedo, vec3f(value), vec3<bool>(c == 0u, c < 2u, true));
     }
     return albedo;

@@ -1,9 +1,8 @@
-// Walks along a ray through a medium whose density varies, as the renderer's `medium/transmittance.rs` and
-// `heterogeneous.rs` have them: one that keeps the transmittance, as a function of the distance, or one that ends where
-// a photon is scattered. A turn is a stretch between bounds or an event. After `volumes.wgsl` and `world.wgsl`.
+// Random walks along a ray through a medium of varying density, as in the renderer's `medium/transmittance.rs` and
+// `heterogeneous.rs`. They estimate the transmittance as a function of distance, or end where a photon scatters. A turn
+// is a stretch between bounds, or an event. Goes after `volumes.wgsl` and `world.wgsl`.
 
-// How a walk goes. Free flights, a third way of the renderer's to keep the transmittance, are ratio tracking here, which
-// is what many of them are on average.
+// Kinds of walks. Free flights, the renderer's third estimator, become ratio tracking here: it has the same mean.
 const NO_WALK: u32 = 0u;
 const BY_RATIO: u32 = 1u;
 const BY_RESIDUAL: u32 = 2u;
@@ -11,55 +10,55 @@ const BY_FLIGHT: u32 = 3u;
 
 struct Walk {
     is: u32,
-    // Of the medium, in `volumes`.
+    // Offset of the medium's record in `volumes`.
     record: u32,
     sigma_t: vec3f,
     sigma_s: vec3f,
-    // The ray, in the space of samples; distances are those of render space.
+    // Ray in sample space; distances are those of render space.
     origin: vec3f,
     dir: vec3f,
-    // Between these it is in the medium's box.
+    // Part inside the medium's box.
     range: vec2f,
-    // The next stretch: its cell, the distances at which the ray leaves that, and those between planes.
+    // Next stretch: its cell, the distances at which the ray leaves that, and those between planes.
     cell: vec3u,
     next: vec3f,
     step: vec3f,
     at: f32,
-    // This one.
+    // Current stretch.
     start: f32,
     end: f32,
     in_stretch: bool,
     rate: f32,
-    // Optical distances: all of it, and to the next event from its start.
+    // Optical depths: of the stretch, and from its start to the next event.
     depth_of_stretch: f32,
     left: f32,
-    // How many times as often as it has to residual tracking looks at the density.
+    // How many times more often than necessary residual tracking samples the density.
     often: f32,
-    // Flux, of a flight.
+    // For BY_FLIGHT: flux.
     power: vec3f,
-    // The transmittance at the distance `reached` but for the next two, or what the flux is multiplied by; density times
-    // length of what is in closed form, and its density from there.
+    // Transmittance at `reached` without the next two, or factor on the flux; density times length of the closed-form
+    // part, and its density from there on.
     value: vec3f,
     depth: f32,
     decay: f32,
     reached: f32,
     events: u32,
     count: u32,
-    // The last turn has taken a step at this distance, or scattered the photon there.
+    // Set by the last turn: a step at `distance`, or a scattering there.
     has_step: bool,
     scattered: bool,
     distance: f32,
 }
 
-// Transmittance below which a walk is continued by roulette, so that it ends soon.
+// Transmittance below which Russian roulette applies, so that walks end soon.
 const ROULETTE_BELOW: f32 = 0.0625;
-// From so many steps on, a walk goes on with one chance in sixteen at every further one.
+// From this many steps on, a walk continues with a chance of 1/16 per step.
 const MANY_STEPS: u32 = 1024u;
-// From so many events on, with fifteen.
+// From this many events on, with 15/16.
 const MANY_EVENTS: u32 = 4096u;
 // Transmittance that counts as opaque.
 const LEAST_SEEN: f32 = 1.523e-8f;
-// Most optical depth that is kept in closed form beside what was found.
+// Most optical depth kept in closed form, apart from `value`.
 const MOST_DEPTH: f32 = 16.0;
 
 fn min_of(a: f32, b: f32) -> f32 { return select(a, b, b < a); }
@@ -85,8 +84,8 @@ fn no_walk() -> Walk {
 // Optical distance to the next event.
 fn free_depth(s: ptr<function, Sampler>) -> f32 { return -ln(1.0 - next_1d(s)); }
 
-// A walk of a ray within a length, which may be infinite, `NO_WALK` where it is not in the medium's box. `way`:
-// BY_FLIGHT, for a photon of this flux, or how the medium's transmittance is kept. `is_kept`: many look it up.
+// Starts a walk over `length`, which may be infinite; NO_WALK if the ray misses the medium's box. `by_flight`: for a
+// photon of flux `power`; otherwise it estimates the transmittance. `is_kept`: for many lookups.
 fn walk_begins(
     medium: u32,
     ray_origin: vec3f,
@@ -124,7 +123,7 @@ fn walk_begins(
     let side = volume_float(record + CELL_SIDE);
     let last = vec3u(volumes[record + CELLS], volumes[record + CELLS + 1u], volumes[record + CELLS + 2u]) - vec3u(1u);
     var first = quotients(w.origin + w.dir * w.range.x, side);
-    // The domain may begin half a sample before the first cell.
+    // The domain may start half a sample before the first cell.
     first = select(vec3f(0.0), first, first > vec3f(0.0));
     first = select(first, vec3f(last), first > vec3f(last));
     w.cell = vec3u(first);
@@ -157,7 +156,7 @@ fn walk_begins(
     return w;
 }
 
-// A turn. False: the walk has ended.
+// Takes a turn. False: the walk has ended.
 fn walk_on(w: ptr<function, Walk>, s: ptr<function, Sampler>) -> bool {
     (*w).has_step = false;
     if (!(*w).in_stretch) { return next_stretch(w); }
@@ -169,8 +168,7 @@ fn walk_on(w: ptr<function, Walk>, s: ptr<function, Sampler>) -> bool {
     return next_event(w, s);
 }
 
-// What the closed form is too small by grows in the value, in channels of their own: before either is more than a
-// number can hold they are put together.
+// `value` grows to make up for the closed form's shortfall, by channel. Combines the two before either overflows.
 fn put_together(w: ptr<function, Walk>) {
     if ((*w).depth * max_channel((*w).sigma_t) > MOST_DEPTH) {
         (*w).value *= exp_neg_of((*w).sigma_t, (*w).depth);
@@ -202,7 +200,7 @@ fn next_stretch(w: ptr<function, Walk>) -> bool {
     var end = select(here, (*w).start, here < (*w).start);
     end = select(end, (*w).range.y, end > (*w).range.y);
     let forward = (*w).dir > vec3f(0.0);
-    // Out of the grid, the last cell goes on to the end of the domain.
+    // At the grid's edge, the last cell extends to the end of the domain.
     let is_last = select(cell == vec3u(0u), cell + vec3u(1u) >= count, forward);
     if (any(axis & is_last)) {
         (*w).next = select(next, vec3f(of_bits(INFINITY)), axis);
@@ -220,7 +218,7 @@ fn next_stretch(w: ptr<function, Walk>) -> bool {
     if ((*w).is == BY_RESIDUAL) {
         let mean = volume_float(range + 2u);
         let decay = (*w).decay;
-        // Where the density before would do about as well as the mean, there is no step.
+        // No step where the previous density serves about as well as the mean.
         let is_near = abs(decay - mean) <= 0.3f * max_of(high - mean, mean - low) && decay >= low && decay <= high;
         if (!is_near && !(mean == decay)) {
             (*w).depth += decay * ((*w).start - (*w).reached);
@@ -240,7 +238,7 @@ fn next_stretch(w: ptr<function, Walk>) -> bool {
     return true;
 }
 
-// One over the probability with which a walk goes on that has little or many steps left, or zero.
+// Roulette factor for low values or many steps: one over the survival probability, or zero.
 fn walk_roulette(value: vec3f, count: u32, s: ptr<function, Sampler>) -> f32 {
     var survival = 1.0;
     if (count >= MANY_STEPS) {
@@ -262,7 +260,7 @@ fn next_event(w: ptr<function, Walk>, s: ptr<function, Sampler>) -> bool {
         if (density > 0.0) {
             let sigma = (*w).sigma_t * quotient(density, rate);
             let collides = select(sigma, vec3f(1.0), sigma > vec3f(1.0));
-            // Real or null is decided by all channels together, in proportion to the flux that is left of each.
+            // All channels decide together between a real and a null collision, in proportion to the flux left in each.
             let flux = (*w).power * (*w).value;
             let real = quotient(sum_of_channels(flux * collides), sum_of_channels(flux));
             if (next_1d(s) < real) {
@@ -287,7 +285,7 @@ fn next_event(w: ptr<function, Walk>, s: ptr<function, Sampler>) -> bool {
         (*w).has_step = true;
     }
     (*w).distance = t;
-    // Where the bounds are far above what is there, and a walk does not get on.
+    // Majorants far above the density keep the walk from advancing.
     if ((*w).events > MANY_EVENTS) {
         (*w).value *= select(0.0, 1.0666667f, next_1d(s) < 0.9375);
         (*w).has_step = true;
@@ -297,13 +295,13 @@ fn next_event(w: ptr<function, Walk>, s: ptr<function, Sampler>) -> bool {
     return true;
 }
 
-// Transmittance over all of what was walked.
+// Transmittance over the whole walk.
 fn walked_transmittance(w: Walk) -> vec3f {
     if (w.depth > 0.0) { return w.value * exp_neg_of(w.sigma_t, w.depth); }
     return w.value;
 }
 
-// One estimate of the transmittance over a length, which may be infinite.
+// One estimate of the transmittance over `length`, which may be infinite.
 fn varying_transmittance(medium: u32, origin: vec3f, dir: vec3f, length: f32, s: ptr<function, Sampler>) -> vec3f {
     var w = walk_begins(medium, origin, dir, length, false, false, vec3f(0.0), s);
     if (w.is == NO_WALK) { return vec3f(1.0); }

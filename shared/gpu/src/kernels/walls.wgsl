@@ -1,27 +1,27 @@
-// The walls near each beam, as planes that they are behind: step by step as on processors,
-// `beamfarm_render::cpu::beam::walls`. A thread a beam, twice: they are counted first, and then written.
+// Walls near each beam, as planes that they are behind, step by step as in `beamfarm_render::cpu::beam::walls`. One
+// invocation per beam; runs twice, to count planes and to write them.
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read_write> beams: array<Beam>;
 @group(1) @binding(2) var<storage, read> ends: array<BeamEnds>;
-// By beam: how many planes, and then how many there are before.
+// By beam: number of planes; then their prefix sum.
 @group(1) @binding(3) var<storage, read_write> counts: array<u32>;
 @group(1) @binding(4) var<storage, read_write> found_planes: array<Plane>;
 
-// How far walls may rise above a plane that is taken for theirs, in kernel radii.
+// How far walls may rise above the plane that stands for them, in kernel radii.
 const BUMP: f32 = 0.25;
-// Most planes of a beam. Where more walls are near, in a crowd, look-ups ask that are as far from the beam as these.
+// Most planes of a beam. If more walls crowd around it, look-ups as far away as these trace a ray.
 const MOST_PLANES: u32 = 10u;
-// Most stretches of a beam with crowds.
+// Most stretches of a beam that have crowds.
 const MOST_CROWDS: u32 = 3u;
 
-// The planes of a beam as they are found. Ranges are those of the walls.
+// Planes of a beam as they are found, with the ranges of the walls.
 struct PlaneList {
     planes: array<Plane, MOST_PLANES>,
     count: u32,
-    // The plane that covered something last.
+    // The plane that last covered a wall.
     last: u32,
-    // What none of the planes has behind it, by stretches of the beam.
+    // Walls that no plane covers, by stretches of the beam.
     crowds: array<Plane, MOST_CROWDS>,
     crowd_count: u32,
 }
@@ -40,13 +40,13 @@ fn wider(range: vec2f, other: vec2f) -> vec2f { return vec2f(smaller(range.x, ot
 
 struct Stretch { range: vec2f, is_there: bool }
 
-// Where along a beam the kernel reaches behind a plane, if anywhere.
+// Range along a beam in which the kernel reaches behind a plane, if any.
 fn stretch_of(plane: Plane, beam: Beam) -> Stretch {
-    // Beyond its ends, what is seen of the beam is its end.
+    // Beyond its ends, one sees the beam's end.
     var low = select(plane.range.x, -of_bits(INFINITY), plane.range.x <= 0.0);
     var high = select(plane.range.y, of_bits(INFINITY), plane.range.y >= beam.length);
     if (!is_zero(plane.n)) {
-        // Behind the plane is the kernel where the plane is nearer than its radius, as seen across the beam.
+        // The kernel is behind the plane where that is nearer than its radius, as seen across the beam.
         let cosine = dot3(plane.n, beam.dir);
         let across = root(not_below_zero(1.0 - cosine * cosine));
         let above = dot3(plane.n, beam.origin) - plane.at - across * beam.radius;
@@ -59,7 +59,7 @@ fn stretch_of(plane: Plane, beam: Beam) -> Stretch {
             return Stretch(vec2f(0.0), false);
         }
         if (low < 0.0 && high > beam.extent.x) {
-            // Look-ups take what is before the start for the start.
+            // Look-ups treat what is before the start as the start.
             high = larger(high, 1.17549435e-38f);
         }
     }
@@ -70,7 +70,7 @@ fn is_before(plane: Plane, beam: Beam, s: f32) -> bool {
     return dot3(plane.n, beam.origin + beam.dir * s) - plane.at >= -BUMP * radius_at(beam, s);
 }
 
-// Whether the beam is before a plane wherever the kernel reaches behind it.
+// Whether the beam is in front of a plane wherever the kernel reaches behind it.
 fn serves(plane: Plane, beam: Beam) -> bool {
     let stretch = stretch_of(plane, beam);
     if (!stretch.is_there) { return true; }
@@ -87,7 +87,7 @@ fn add_plane(list: ptr<function, PlaneList>, plane: Plane) {
     (*list).count = number + 1u;
 }
 
-// Adds a wall to the crowd of its stretch of the beam: a new one, where there is room and none is there.
+// Adds a wall to the crowd of its stretch of the beam, or to a new one if none is there and there is room.
 fn add_to_crowd(list: ptr<function, PlaneList>, range: vec2f, clear2: f32) {
     var nearest = 0u;
     var gap = 0.0;
@@ -108,7 +108,7 @@ fn add_to_crowd(list: ptr<function, PlaneList>, range: vec2f, clear2: f32) {
     }
 }
 
-// Has a plane reach as far along the beam as a wall that is behind it, where it then still serves.
+// Extends a plane along the beam over a wall behind it, if it then still serves.
 fn covers(list: ptr<function, PlaneList>, number: u32, beam: Beam, range: vec2f) -> bool {
     var plane = (*list).planes[number];
     let before = plane.range;
@@ -128,8 +128,8 @@ fn is_behind(triangle: Triangle, plane: Plane, bump: f32) -> bool {
         && dot3(plane.n, triangle.c) - plane.at <= bump;
 }
 
-// The point of a triangle that is nearest to a line through the origin, as seen along the line: a vector across it;
-// zero where the line meets the triangle.
+// Point of a triangle nearest to a line through the origin, seen along the line: a vector across it, zero if the line
+// meets the triangle.
 fn nearest_to_line(triangle: Triangle, dir: vec3f) -> vec3f {
     let a = triangle.a - dir * dot3(triangle.a, dir);
     let b = triangle.b - dir * dot3(triangle.b, dir);
@@ -172,7 +172,7 @@ fn add_triangle(list: ptr<function, PlaneList>, beam: Beam, triangle: Triangle, 
         add_plane(list, own);
         return;
     }
-    // All of a triangle is behind the plane through its point nearest to the beam's line, across the way there.
+    // A triangle is behind the plane through its point nearest to the beam's line, perpendicular to the way there.
     let from_origin = Triangle(triangle.a - beam.origin, triangle.b - beam.origin, triangle.c - beam.origin);
     let nearest = nearest_to_line(from_origin, beam.dir);
     let distance = root(dot3(nearest, nearest));
@@ -203,7 +203,7 @@ fn add_round(list: ptr<function, PlaneList>, beam: Beam, object: u32, radius: f3
     }
 }
 
-// What a beam starts or ends on: adds its plane, and returns it raised, for the search.
+// Adds the plane of what a beam starts or ends on. Returns it, raised, for the search.
 fn add_end(list: ptr<function, PlaneList>, beam: Beam, normal: vec3f, is: u32, s: f32, radius: f32) -> vec4f {
     if (is == ENDS_NOWHERE) { return NO_PLANE; }
     let out = select(-beam.dir, beam.dir, s == 0.0);
@@ -238,7 +238,7 @@ fn find_planes(list: ptr<function, PlaneList>, beam: Beam, end: BeamEnds) {
     }
 }
 
-// What a plane is for a beam: nothing where the kernel does not reach behind it.
+// A plane as it applies to a beam; a crowd if it does not serve.
 fn plane_of(plane: Plane, beam: Beam) -> Plane {
     if (serves(plane, beam)) { return plane; }
     return of_crowd(plane.range, plane.clear2);
@@ -271,7 +271,7 @@ fn write_plane(plane: Plane, beam: Beam, place: u32) -> u32 {
     return place + 1u;
 }
 
-// After the counts have become the number of those before.
+// Runs after the prefix sum.
 @compute @workgroup_size(64)
 fn write_planes(
     @builtin(workgroup_id) group: vec3u,

@@ -1,4 +1,4 @@
-// Maps from uniform numbers in [0, 1)^2 to distributions: the renderer's, with the sine and cosine of kernels.
+// Maps from uniform numbers in [0, 1)^2 to distributions: the renderer's, with the kernels' sine and cosine.
 
 // Unit vector, uniform over the sphere.
 fn uniform_sphere(u: vec2f) -> vec3f {
@@ -7,7 +7,7 @@ fn uniform_sphere(u: vec2f) -> vec3f {
     return vec3f(r * turn.y, r * turn.x, 1.0 - 2.0 * u.x);
 }
 
-// Radius in [-1, 1] and angle of a point uniform in the unit disk.
+// Radius in [-1, 1] and angle of a uniform point in the unit disk.
 fn concentric_polar(u: vec2f) -> vec2f {
     let a = 2.0 * u.x - 1.0;
     let b = 2.0 * u.y - 1.0;
@@ -16,14 +16,14 @@ fn concentric_polar(u: vec2f) -> vec2f {
     return vec2f(b, 1.5707964f - 0.7853982f * quotient(a, b));
 }
 
-// Point in the unit disk, uniform by area.
+// Uniform point in the unit disk.
 fn concentric_disk(u: vec2f) -> vec2f {
     let polar = concentric_polar(u);
     let turn = sin_cos(polar.y);
     return vec2f(polar.x * turn.y, polar.x * turn.x);
 }
 
-// Unit vector with z >= 0, density proportional to z.
+// Unit vector with z >= 0, pdf proportional to z.
 fn cosine_hemisphere(u: vec2f) -> vec3f {
     let polar = concentric_polar(u);
     let turn = sin_cos(polar.y);
@@ -31,7 +31,7 @@ fn cosine_hemisphere(u: vec2f) -> vec3f {
     return vec3f(r * turn.y, r * turn.x, root((1.0 - r) * (1.0 + r)));
 }
 
-// Unit vector, uniform over the cone around +z whose half angle has such a cosine, by 1 - cos.
+// Unit vector, uniform over the cone around +z, given one minus the cosine of its half angle.
 fn uniform_cap(u: vec2f, one_minus_cos_max: f32) -> vec3f {
     let one_minus_cos = u.x * one_minus_cos_max;
     let square = one_minus_cos * (2.0 - one_minus_cos);
@@ -40,7 +40,7 @@ fn uniform_cap(u: vec2f, one_minus_cos_max: f32) -> vec3f {
     return vec3f(sine * turn.y, sine * turn.x, 1.0 - one_minus_cos);
 }
 
-// Barycentric coordinates (b1, b2) of a point uniform by area in a triangle.
+// Barycentric coordinates (b1, b2) of a uniform point in a triangle.
 fn uniform_triangle(u: vec2f) -> vec2f {
     if (u.y > u.x) {
         let x = 0.5 * u.x;

@@ -1,11 +1,11 @@
-// Integers of 64 bits, as (low, high): not every device has them.
+// 64-bit integers as (low, high): not every device has them.
 
 fn wide_add(a: vec2u, b: vec2u) -> vec2u {
     let low = a.x + b.x;
     return vec2u(low, a.y + b.y + u32(low < a.x));
 }
 
-// The whole product of two numbers of 32 bits.
+// 64-bit product of two 32-bit numbers.
 fn wide_product(a: u32, b: u32) -> vec2u {
     let a0 = a & 0xffffu;
     let a1 = a >> 16u;
@@ -24,12 +24,12 @@ fn wide_multiply(a: vec2u, b: vec2u) -> vec2u {
     return vec2u(low.x, low.y + a.x * b.y + a.y * b.x);
 }
 
-// To the right by 1 to 31 bits.
+// Right shift by 1 to 31 bits.
 fn wide_shift(a: vec2u, bits: u32) -> vec2u {
     return vec2u((a.x >> bits) | (a.y << (32u - bits)), a.y >> bits);
 }
 
-// To the left by one bit.
+// Left shift by one bit.
 fn wide_double(a: vec2u) -> vec2u {
     return vec2u(a.x << 1u, (a.y << 1u) | (a.x >> 31u));
 }

@@ -1,10 +1,10 @@
-//! What microfacets lose, and what layers of them reflect. Made by `write_tables` of the tests beside it.
+//! Energy that microfacets lose in one bounce, and the reflectance of layers of them. Made by `write_tables` in
+//! the tests beside it. All numbers are times 65535.
 //!
-//! Losses by rows of the root of alpha and columns of c (1 + alpha) / (c + alpha), with c the cosine, from 0 to 1: the
-//! roots of losses, over 65535. Means by the root of alpha. Layers by sqrt((eta - 1) / (eta + 1)) from 0 to 0.7, rows
-//! likewise and columns of sqrt(c): the way from the reflectance at normal incidence to 1, over 65535, of what facets
-//! reflect once over what they would if they reflected everything; of means, what they reflect in all over the mean
-//! reflectance.
+//! Square roots of losses: rows by sqrt(alpha), columns by c (1 + alpha) / (c + alpha), with c the cosine, both from 0
+//! to 1; means for diffuse light by sqrt(alpha). Layers by sqrt((eta - 1) / (eta + 1)) from 0 to 0.7, sqrt(alpha) and
+//! sqrt(c): what facets reflect in one bounce over what white ones would, as the way from the reflectance at normal
+//! incidence to 1. Mean layers: what they reflect of diffuse light in all bounces, over the mean Fresnel reflectance.
 #![cfg_attr(rustfmt, rustfmt_skip)]
 #![allow(clippy::unreadable_literal, missing_docs, reason = "numbers")]
 

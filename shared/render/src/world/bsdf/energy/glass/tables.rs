@@ -1,8 +1,8 @@
-//! What one bounce keeps of the light that rough glass reflects and lets through. Made by `write_glass_tables` of
-//! the tests beside it.
+//! Light that rough glass keeps in one bounce, reflected or transmitted. Made by `write_glass_tables` in the tests
+//! beside it.
 //!
-//! By sqrt((eta - 1) / (eta + 1)) from 0 to 0.7, the root of alpha from 0 to 1, the side (of the lesser index first),
-//! and c (1 + alpha) / (c + alpha), with c the cosine, from 0 to 1, and the mean of diffuse light. Over 65535.
+//! By sqrt((eta - 1) / (eta + 1)) from 0 to 0.7, sqrt(alpha) from 0 to 1, side (that of the lower index first), and
+//! c (1 + alpha) / (c + alpha), with c the cosine, from 0 to 1; the last column is for diffuse light. Times 65535.
 #![cfg_attr(rustfmt, rustfmt_skip)]
 #![allow(clippy::unreadable_literal, missing_docs, reason = "numbers")]
 

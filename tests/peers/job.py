@@ -11,15 +11,16 @@ class Job:
     def __init__(self, values):
         self.scene, self.check, self.size = values["scene"], values["check"], values["size"]
         self.seconds, self.seed, self.threads = values["seconds"], values["seed"], values["threads"]
-        self.denoise, self.mode, self.program = values["denoise"], values["mode"], values["program"]
+        self.denoise, self.program = values["denoise"], values["program"]
+        self.mode = values.get("mode")  # of those that a renderer has, for trying them
         self.folder = pathlib.Path(values["folder"])
         self.results = {}
 
     def image(self, seconds):
-        return self.folder / f"{seconds}.exr"
+        return self.folder / f"{seconds:g}.exr"
 
     def done(self, asked, seconds, note):
-        self.results[str(asked)] = {"seconds": seconds, "note": note}
+        self.results[f"{asked:g}"] = {"seconds": seconds, "note": note}
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ def render(job):
     file.write_text(text(scene, job.size, job.folder))
     for seconds in job.seconds:
         image = job.image(seconds)
-        command = [job.program, "render", str(file), "-o", str(image), "--quiet", "--restart", "--time", f"{seconds}s",
+        command = [job.program, "render", str(file), "-o", str(image), "--quiet", "--restart", "--time", f"{seconds:g}s",
                    "--seed", str(job.seed), "--workers", "1", "--threads", str(job.threads)]
         subprocess.run(command + ["--denoise"] * job.denoise, check=True)
         rows = list(csv.DictReader(image.with_suffix(".csv").open()))

@@ -70,15 +70,9 @@ def build(bpy, scene):
         mesh = item.shape.mesh() if isinstance(item.shape, Sphere) else item.shape
         add(item.name, mesh, materials[item.material], mesh.normals is not None)
     for lamp in scene.lamps:
-        mesh = Sphere((0, 0, 0), 1).mesh(24)
-        corners = mesh.vertices[mesh.faces]
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        # As large as the sphere: the power and the radiance are those of the sphere.
-        radius = lamp.radius * np.sqrt(4 * np.pi / (0.5 * np.linalg.norm(cross, axis=1).sum()))
         strength = max(lamp.radiance)
         emission = "ShaderNodeEmission", {"Color": rgba(np.divide(lamp.radiance, strength)), "Strength": strength}
-        add(lamp.name, Mesh(np.array(lamp.center) + radius * mesh.vertices, mesh.faces),
-            material(lamp.name, emission), False)
+        add(lamp.name, lamp.mesh(), material(lamp.name, emission), False)
     if scene.room:
         clear = "ShaderNodeBsdfTransparent", {"Color": (1, 1, 1, 1)}
         add("fog", fog_of(scene), material("fog", clear, scene.medium), False)

@@ -6,14 +6,16 @@ from scenes import SCENES, Diffuse, Glass, Sphere, write_ply
 
 NAME, PACKAGE = "LuxCore", "pyluxcore"
 
-BIDIRVM = {"renderengine.type": "BIDIRVMCPU", "sampler.type": "METROPOLIS"}
-BIDIR = {"renderengine.type": "BIDIRCPU", "sampler.type": "METROPOLIS"}
+# Light paths a pass: few, since a pass that is not complete darkens the picture.
+BIDIRVM = {"renderengine.type": "BIDIRVMCPU", "sampler.type": "RANDOM", "bidirvm.lightpath.count": 4096}
+BIDIR = {"renderengine.type": "BIDIRCPU", "sampler.type": "SOBOL"}
+METROPOLIS = BIDIR | {"sampler.type": "METROPOLIS"}
 HYBRID = {"renderengine.type": "PATHCPU", "sampler.type": "SOBOL", "path.hybridbackforward.enable": 1,
           "path.hybridbackforward.partition": 0.5}
 PATH = {"renderengine.type": "PATHCPU", "sampler.type": "SOBOL"}
 PHOTONS = PATH | {"path.photongi.caustic.enabled": 1, "path.photongi.sampler.type": "METROPOLIS",
-                  "path.photongi.photon.maxcount": 4_000_000, "path.photongi.photon.maxdepth": 16}
-MODES = {"bidirvm": BIDIRVM, "bidir": BIDIR, "hybrid": HYBRID, "path": PATH, "photons": PHOTONS}
+                  "path.photongi.photon.maxcount": 1_000_000, "path.photongi.photon.maxdepth": 16}
+MODES = {"bidirvm": BIDIRVM, "bidir": BIDIR, "metropolis": METROPOLIS, "hybrid": HYBRID, "path": PATH, "photons": PHOTONS}
 # What does best on each scene, of MODES.
 SETTINGS = {}
 
@@ -26,30 +28,35 @@ def properties(scene, folder):
     out |= {"scene.camera.type": "perspective", "scene.camera.lookat.orig": show(camera["origin"]),
             "scene.camera.lookat.target": show(camera["target"]), "scene.camera.up": "0 1 0",
             "scene.camera.fieldofview": camera["fov"], "scene.camera.cliphither": 1e-4}
-    # Surfaces inside a medium need no volumes of their own: only boundaries do.
-    out |= {"scene.volumes.clear.type": "clear", "scene.volumes.clear.absorption": "0 0 0"}
     if scene.medium:
         out |= {"scene.volumes.fog.type": "homogeneous", "scene.volumes.fog.multiscattering": 1,
                 "scene.volumes.fog.absorption": show(scene.medium.sigma_a),
                 "scene.volumes.fog.scattering": show(scene.medium.sigma_s),
                 "scene.volumes.fog.asymmetry": show([scene.medium.g] * 3)}
-    outside = "fog" if scene.room else "clear"
-    out["scene.world.volume.default"] = outside
+    if scene.room:
+        # Only boundaries name volumes. The same one on both sides would bend light wrongly, so none stands for vacuum
+        # where it is on both.
+        out |= {"scene.world.volume.default": "fog", "scene.volumes.clear.type": "clear",
+                "scene.volumes.clear.absorption": "0 0 0"}
     for name, material in scene.materials.items():
         key = f"scene.materials.{name}"
         if isinstance(material, Diffuse):
             out |= {f"{key}.type": "matte", f"{key}.kd": show(material.reflectance)}
         elif isinstance(material, Glass):
             out |= {f"{key}.type": "glass", f"{key}.kr": "1 1 1", f"{key}.kt": "1 1 1",
-                    f"{key}.interiorior": material.ior, f"{key}.exteriorior": 1,
-                    f"{key}.volume.interior": "fog" if material.filled else "clear",
-                    f"{key}.volume.exterior": outside}
+                    f"{key}.interiorior": material.ior, f"{key}.exteriorior": 1}
+            if scene.room:
+                out |= {f"{key}.volume.interior": "clear", f"{key}.volume.exterior": "fog"}
+            elif material.filled:
+                out |= {f"{key}.volume.interior": "fog"}
         else:
             out |= {f"{key}.type": "mirror", f"{key}.kr": show(material.reflectance)}
     for lamp in scene.lamps:
         out |= {f"scene.materials.{lamp.name}.type": "matte", f"scene.materials.{lamp.name}.kd": "0 0 0",
-                f"scene.materials.{lamp.name}.emission": show(lamp.radiance)}
-    lamps = [(lamp.name, Sphere(lamp.center, lamp.radius).mesh(32), lamp.name) for lamp in scene.lamps]
+                f"scene.materials.{lamp.name}.emission": show(lamp.radiance),
+                # By default a lamp of more than 256 triangles is not sampled.
+                f"scene.materials.{lamp.name}.emission.directlightsampling.type": "ENABLED"}
+    lamps = [(lamp.name, lamp.mesh(), lamp.name) for lamp in scene.lamps]
     for name, shape, material in [(o.name, o.shape, o.material) for o in scene.objects] + lamps:
         file = folder / f"{name}.ply"
         write_ply(file, shape.mesh() if isinstance(shape, Sphere) else shape)

@@ -1,4 +1,4 @@
-"""One render by one renderer in a process of its own: `python job.py JOB.json`, which writes the pictures and RESULT."""
+"""One render by one renderer in a process of its own: `python job.py JOB.json`, which writes pictures and a result."""
 
 import importlib
 import json

@@ -73,8 +73,10 @@ def seconds_to(points, error):
     (t, e), known = np.log(np.array(points, float)).T, np.log(error)
     if len(t) == 1:
         return float(np.exp(t[0] + e[0] - known)), abs(e[0] - known) > 1e-9
+    if abs(e[0] - known) < 1e-9:
+        return float(np.exp(t[0])), False
     for i in range(len(t) - 1):
-        if e[i + 1] <= known <= e[i] and e[i + 1] < e[i]:
+        if e[i + 1] <= known < e[i]:
             return float(np.exp(t[i] + (known - e[i]) / (e[i + 1] - e[i]) * (t[i + 1] - t[i]))), False
     side = (0, 1, 0) if known > e[0] else (-2, -1, -1)
     slope = np.clip((e[side[1]] - e[side[0]]) / (t[side[1]] - t[side[0]]), -1, -0.25)

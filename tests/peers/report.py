@@ -28,8 +28,8 @@ def number(value):
 
 def duration(points, error):
     seconds, guessed = measure.seconds_to(points, error)
-    return ("≈ " if guessed else "") + (f"{seconds:.2g}" if seconds < 100 else f"{seconds:.2e}".replace("e+0", "e")
-                                        if seconds >= 1e4 else f"{seconds:.0f}") + " s"
+    digits = seconds if seconds == 0 else round(seconds, 1 - int(np.floor(np.log10(seconds))))
+    return f"{'≈ ' if guessed else ''}{digits:,.{0 if digits >= 10 else 1}f} s"
 
 
 def table(result, reference):
@@ -43,7 +43,7 @@ def table(result, reference):
                 rows.append((kind, name, seconds, run, errors, image.mean() / reference.image.mean()))
                 if kind == "runs":
                     points.setdefault(name, []).append((run["seconds"], *errors))
-    out = ["| renderer | seconds | relMSE | without the worst 0.1 % | mean | time to an error | without the worst 0.1 % | |",
+    out = ["| renderer | seconds | relMSE | without the worst 0.1 % | mean | time to error A | to error B | |",
            "| --- | --: | --: | --: | --: | --: | --: | --- |"]
     common = points["beamfarm"][0][1:] if "beamfarm" in points else None
     for kind, name, seconds, run, errors, mean in rows:
@@ -51,7 +51,8 @@ def table(result, reference):
         if kind == "runs" and common and seconds == max(result[kind][name]):
             times = [duration([(p[0], p[1 + i]) for p in points[name]], common[i]) for i in range(2)]
         out.append(f"| {NAMES[name]}{', denoised' if kind == 'denoised' else ''} | {run['seconds']:.1f} | "
-                   f"{number(errors[0])} | {number(errors[1])} | {mean:.3f} | {times[0]} | {times[1]} | {run['note']} |")
+                   f"{number(errors[0])} | {number(errors[1])} | {mean:.3f} | {times[0]} | {times[1]} | "
+                   f"{run['note']} |")
     return out, common
 
 
@@ -65,8 +66,8 @@ def sheet(file, scene, result, reference):
     """Reference and last pictures above; denoised and first ones below. Each with its enlarged part and its name."""
     first, last = [], [("reference", reference.image)]
     for name, runs in result["denoised"].items():
-        for seconds in sorted(runs)[-1:]:
-            first.append((f"{NAMES[name]}, denoised, {runs[seconds]['seconds']:.1f} s", measure.read(runs[seconds]["file"])))
+        for run in [runs[seconds] for seconds in sorted(runs)[-1:]]:
+            first.append((f"{NAMES[name]}, denoised, {run['seconds']:.1f} s", measure.read(run["file"])))
     for name, runs in result["runs"].items():
         for row, seconds in ((last, max(runs)), (first, min(runs))) if runs else []:
             row.append((f"{NAMES[name]}, {runs[seconds]['seconds']:.1f} s", measure.read(runs[seconds]["file"])))
@@ -98,8 +99,8 @@ def write(bench, versions, results):
            "`run.py` makes this page.", "",
            f"{datetime.date.today()}, {machine()}, {options.threads} threads, {options.size} x {options.size} pixels. "
            + "; ".join(versions.values()) + ".", "",
-           "Times to an error are to that of beamfarm after the first of its times; ≈: extrapolated. `mean` is the "
-           "picture's over the reference's."]
+           "Errors A and B are those of beamfarm after the first of its times; ≈: extrapolated. `mean` is the "
+           "picture's over the reference's. Seconds of denoised pictures include the denoising."]
     for name, why in bench.problems.items():
         out += ["", f"**{name}** was left out: {why}"]
     for name, result in results.items():
@@ -118,7 +119,8 @@ def write(bench, versions, results):
         rows, common = table(result, reference)
         out += [line, "", *rows]
         if common:
-            out += ["", f"Times are to a relMSE of {number(common[0])}, and of {number(common[1])} without the worst 0.1 %."]
+            out += ["", f"A is a relMSE of {number(common[0])}; B is one of {number(common[1])} without the worst "
+                        "0.1 %."]
         sheet(folder / "peers" / name, scene, result, reference)
         out += ["", f"![{scene.title}, side by side](peers/{name}.webp)"]
     file = folder / "report.md"

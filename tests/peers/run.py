@@ -39,7 +39,7 @@ def arguments():
     parser.add_argument("--scenes", help="names, separated by commas (all)")
     parser.add_argument("--renderers", help="names, separated by commas (beamfarm,mitsuba,luxcore,cycles)")
     parser.add_argument("--references", action="store_true", help="make references and checks only")
-    parser.add_argument("--reference-seconds", type=float, default=240.0,
+    parser.add_argument("--reference-seconds", type=float, default=120.0,
                         help="for each half of a reference, and for the peer it is compared with (%(default)s)")
     parser.add_argument("--check-seconds", type=float, default=16.0, help="for each renderer and scene (%(default)s)")
     parser.add_argument("--folder", type=pathlib.Path, default=TARGET, help="of all results (target/peers)")
@@ -141,13 +141,14 @@ class Bench:
     def reference(self, scene):
         """Two halves by beamfarm, and how far a long render by a peer agrees with them."""
         from measure import Agreement, Reference
+        from scenes import SCENES
 
         seconds = self.options.reference_seconds
         halves = self.independent("references", "beamfarm", scene, 2 * seconds, 2)
         if len(halves) < 2:
             return None
         reference = Reference(halves)
-        for peer in ("mitsuba", "cycles"):
+        for peer in dict.fromkeys((SCENES[scene].witness, *PEERS)):
             if peer in self.renderers:
                 images = self.independent("references", peer, scene, seconds, 4)
                 if len(images) == 4:
@@ -181,12 +182,14 @@ def main():
     bench.renderers = [name for name, made in versions.items() if made]
     print("; ".join(versions[name][0] for name in bench.renderers), flush=True)
 
-    results = {}
-    for scene in scenes:
-        checks = {name: bench.check(name, scene) for name in bench.renderers if name != "beamfarm"}
-        for name, check in checks.items():
-            print(f"check: {scene}, {name}: {check or 'failed'}", flush=True)
-        results[scene] = dict(checks=checks, reference=bench.reference(scene), runs={}, denoised={})
+    results = {scene: dict(checks={}, runs={}, denoised={}) for scene in scenes}
+    for scene, result in results.items():
+        for name in bench.renderers:
+            if name != "beamfarm":
+                check = result["checks"][name] = bench.check(name, scene)
+                print(f"check: {scene}, {name}: {check or 'failed'}", flush=True)
+    for scene, result in results.items():
+        result["reference"] = bench.reference(scene)
     if options.references:
         return
     for scene, result in results.items():

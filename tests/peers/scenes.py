@@ -77,9 +77,7 @@ class Lamp:
     def mesh(self):
         """Few flat faces, of the sphere's area in all: at the sphere's radiance they emit its power."""
         ball = Sphere((0, 0, 0), 1).mesh(24)
-        corners = ball.vertices[ball.faces]
-        area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
-        radius = self.radius * np.sqrt(4 * np.pi / area)
+        radius = self.radius * np.sqrt(4 * np.pi / areas(ball.vertices, ball.faces).sum())
         return Mesh(np.array(self.center) + radius * ball.vertices, ball.faces)
 
 
@@ -110,6 +108,7 @@ class Scene:
     crop: tuple  # x, y, side of what the sheets enlarge, as fractions of the picture
     medium: Medium | None = None
     room: tuple | None = None  # corners of what the medium fills; None: the objects whose glass is `filled`
+    witness: str = "mitsuba"  # the peer that a reference is compared with
     check_without: tuple = ()  # objects that the check's variant lacks
     depth: int = 64  # bounces, where a renderer wants a limit
 
@@ -117,6 +116,11 @@ class Scene:
         """A variant that is easy for all renderers: larger lamps of the same power."""
         return replace(self, lamps=[replace(lamp, radius=lamp.check_radius) for lamp in self.lamps],
                        objects=[item for item in self.objects if item.name not in self.check_without])
+
+
+def areas(vertices, faces):
+    a, b, c = vertices[faces].swapaxes(0, 1)
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 def grey(value):
@@ -161,9 +165,8 @@ def lathe(profile, rows, origin, around=96, normals=None, closed=False):
             faces += [(a + j, a + k, b + k), (a + j, b + k, b + j)]
     points = turn(np.array(profile, float)) @ rows + origin
     faces = np.array(faces)
-    area = np.linalg.norm(np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]),
-                          axis=1)
-    return Mesh(points, faces[area > 1e-12], None if normals is None else turn(np.array(normals, float)) @ rows)
+    faces = faces[areas(points, faces) > 1e-12]
+    return Mesh(points, faces, None if normals is None else turn(np.array(normals, float)) @ rows)
 
 
 def lens(center, axis, aperture, curvature):
@@ -267,7 +270,7 @@ def pool():
             Object("ball", Sphere((-0.5, 0.25, -0.4), 0.25), "ball"),
             Object("water", water(1.6, 0.9, -0.1), "water")],
         [Lamp("lamp", (0.5, 2.4, -0.7), 0.03, (60, 56, 48), 0.35)], 1.0, (0.3, 0.3, 0.4),
-        Medium((0.3, 0.08, 0.05), (0.12, 0.15, 0.18)))
+        Medium((0.3, 0.08, 0.05), (0.12, 0.15, 0.18)), witness="luxcore")
 
 
 def lantern():
@@ -284,8 +287,8 @@ def lantern():
             Object("housing", tube(at, axis, 0.26, 0.56), "metal"),
             Object("lens", lens(at + 0.5 * axis, axis, 0.25, 0.5), "glass"),
             Object("ball", Sphere((0.7, 0.4, -0.2), 0.4), "mirror")],
-        [Lamp("lamp", tuple(at + 0.12 * axis), 0.025, (200, 180, 140), 0.3)], 3.0, (0.2, 0.1, 0.45),
-        Medium(grey(0.01), grey(0.09)), (low, high), check_without=("housing",))
+        [Lamp("lamp", tuple(at + 0.12 * axis), 0.025, (200, 180, 140), 0.3)], 2.0, (0.2, 0.1, 0.45),
+        Medium(grey(0.01), grey(0.09)), (low, high), witness="luxcore", check_without=("housing",))
 
 
 def gem():
@@ -298,7 +301,7 @@ def gem():
               leave_out=("ceiling", "front", "left", "right")) + [
             Object("gem", brilliant((-0.3, 0.1), (0.75, 0.6, 0.35), 0.32), "gem"),
             Object("ring", ring((0.45, 0.06, 0.05), (0, 1, 0), 0.28, 0.05), "gold")],
-        [Lamp("lamp", (0.9, 1.3, -0.9), 0.02, (14, 13, 12), 0.3)], 1.0, (0.1, 0.3, 0.45))
+        [Lamp("lamp", (0.9, 1.3, -0.9), 0.02, (14, 13, 12), 0.3)], 2.0, (0.1, 0.3, 0.45))
 
 
 SCENES = {scene.name: scene for scene in [

@@ -2,6 +2,7 @@
 
 import csv
 import subprocess
+import time
 
 from scenes import SCENES, Diffuse, Glass, Sphere, write_ply
 
@@ -48,14 +49,17 @@ def render(job):
     file.write_text(text(scene, job.size, job.folder))
     for seconds in job.seconds:
         image = job.image(seconds)
-        command = [job.program, "render", str(file), "-o", str(image), "--quiet", "--restart", "--time", f"{seconds:g}s",
-                   "--seed", str(job.seed), "--workers", "1", "--threads", str(job.threads)]
+        command = [job.program, "render", str(file), "-o", str(image), "--quiet", "--restart", "--time",
+                   f"{seconds:g}s", "--seed", str(job.seed), "--workers", "1", "--threads", str(job.threads)]
+        begun = time.time()
         subprocess.run(command + ["--denoise"] * job.denoise, check=True)
+        wall = time.time() - begun
         rows = list(csv.DictReader(image.with_suffix(".csv").open()))
         if job.denoise:
             image.with_suffix(".denoised.exr").replace(image)
-        job.done(seconds, float(rows[-1]["wall_seconds"]), f"{rows[-1]['passes']} passes")
+        # Denoising comes after the last pass.
+        job.done(seconds, wall if job.denoise else float(rows[-1]["wall_seconds"]), f"{rows[-1]['passes']} passes")
 
 
 def version(program):
-    return subprocess.run([program, "--version"], check=True, capture_output=True, text=True).stdout.strip()
+    return subprocess.run([program, "--version"], check=True, capture_output=True, text=True).stdout.splitlines()[0]

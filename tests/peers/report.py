@@ -107,7 +107,7 @@ def write(bench, versions, results):
         scene, reference = SCENES[name], result["reference"]
         out += ["", f"## {name}", "", scene.title + ".", ""]
         out += [f"- Check of {NAMES[peer]}: " + (str(check) if check else "failed to render")
-                + ("." if check and check.good else ". It was not timed.") for peer, check in result["checks"].items()]
+                + ("." if check and check.usable else ". It was not timed.") for peer, check in result["checks"].items()]
         if reference is None:
             out += ["", "There is no reference."]
             continue
@@ -117,6 +117,8 @@ def write(bench, versions, results):
             peer, seconds, agreement = reference.witness
             line += f" {NAMES[peer]} after {seconds:g} s: {agreement}."
         rows, common = table(result, reference)
+        if any(check and check.usable and not check.good for check in result["checks"].values()):
+            line += "\n- What is not quite the same has an error that does not vanish, about the square of the difference."
         out += [line, "", *rows]
         if common:
             out += ["", f"A is a relMSE of {number(common[0])}; B is one of {number(common[1])} without the worst "

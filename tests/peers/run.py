@@ -171,14 +171,16 @@ def main():
     if not shutil.which(bench.program):
         sys.exit(f"{options.program}: expected the program beamfarm; cargo build --release makes it")
     failed = json.loads((venv / "peers.json").read_text()) if (venv / "peers.json").exists() else {}
-    bench.problems |= {name: f"cannot be installed: {why}" for name, why in failed.items()}
-    wanted = (options.renderers or "beamfarm,mitsuba,luxcore,cycles").split(",")
+    missing = {name: f"cannot be installed: {failed[package]}" for name, package in PEERS.items() if package in failed}
+    bench.problems |= missing
+    wanted = (options.renderers or ",".join(["beamfarm", *PEERS])).split(",")
     unknown = [name for name in wanted if name not in ("beamfarm", *PEERS)]
     scenes = (options.scenes or ",".join(SCENES)).split(",")
     unknown += [name for name in scenes if name not in SCENES]
     if unknown:
         sys.exit(f"{unknown[0]}: expected one of beamfarm, {', '.join(PEERS)}; scenes are {', '.join(SCENES)}")
-    versions = {name: bench.start(name, 300, version=True) for name in dict.fromkeys(["beamfarm", *wanted])}
+    versions = {name: bench.start(name, 300, version=True) for name in dict.fromkeys(["beamfarm", *wanted])
+                if name not in missing}
     bench.renderers = [name for name, made in versions.items() if made]
     print("; ".join(versions[name][0] for name in bench.renderers), flush=True)
 
@@ -194,7 +196,7 @@ def main():
         return
     for scene, result in results.items():
         for name in bench.renderers:
-            if name == "beamfarm" or result["checks"][name] and result["checks"][name].good:
+            if name == "beamfarm" or result["checks"][name] and result["checks"][name].usable:
                 result["runs"][name] = bench.render("runs", name, scene, options.seconds)
                 if name in ("beamfarm", "cycles"):
                     result["denoised"][name] = bench.render("denoised", name, scene, options.denoised, denoise=True)

@@ -49,10 +49,13 @@ def render(job):
     file.write_text(text(scene, job.size, job.folder))
     for seconds in job.seconds:
         image = job.image(seconds)
-        command = [job.program, "render", str(file), "-o", str(image), "--quiet", "--restart", "--time",
-                   f"{seconds:g}s", "--seed", str(job.seed), "--workers", "1", "--threads", str(job.threads)]
+        command = [job.program, "render", str(file), "-o", str(image), "--quiet", "--restart", "--seed", str(job.seed),
+                   "--workers", "1", "--threads", str(job.threads)] + ["--denoise"] * job.denoise
         begun = time.time()
-        subprocess.run(command + ["--denoise"] * job.denoise, check=True)
+        if subprocess.run([*command, "--time", f"{seconds:g}s"]).returncode:
+            # A busy machine did not complete a pass: there must be one. Other failures happen again.
+            begun = time.time()
+            subprocess.run([*command, "--passes", "1"], check=True)
         wall = time.time() - begun
         rows = list(csv.DictReader(image.with_suffix(".csv").open()))
         if job.denoise:

@@ -17,12 +17,12 @@ PHOTONS = PATH | {"path.photongi.caustic.enabled": 1, "path.photongi.sampler.typ
                   "path.photongi.photon.maxcount": 1_000_000, "path.photongi.photon.maxdepth": 16}
 MODES = {"bidirvm": BIDIRVM, "bidir": BIDIR, "metropolis": METROPOLIS, "hybrid": HYBRID, "path": PATH,
          "photons": PHOTONS}
-# What does best on each scene, of those of MODES that pass its check. In media the bidirectional ones are 4 to 9 %
-# brighter than LuxCore's own path tracer, hence the path tracer with light tracing there.
+# What does best on each scene. In fog the bidirectional ones are 4 to 20 % brighter than LuxCore's own path tracer, hence
+# the path tracer with light tracing there.
 SETTINGS = {"box-iso": "hybrid", "box-hg": "hybrid", "lantern": "hybrid"}
 
 
-def properties(scene, folder):
+def properties(scene, size, folder):
     """The scene, as properties."""
     out = {}
     show = lambda values: " ".join(f"{float(v):.9g}" for v in values)
@@ -30,27 +30,28 @@ def properties(scene, folder):
     out |= {"scene.camera.type": "perspective", "scene.camera.lookat.orig": show(camera["origin"]),
             "scene.camera.lookat.target": show(camera["target"]), "scene.camera.up": "0 1 0",
             "scene.camera.fieldofview": camera["fov"], "scene.camera.cliphither": 1e-4}
+    # LuxCore's pictures lie a pixel lower than those of the others.
+    out["scene.camera.screenwindow"] = show((-1, 1, -1 - 2 / size, 1 - 2 / size))
     if scene.medium:
         out |= {"scene.volumes.fog.type": "homogeneous", "scene.volumes.fog.multiscattering": 1,
                 "scene.volumes.fog.absorption": show(scene.medium.sigma_a),
                 "scene.volumes.fog.scattering": show(scene.medium.sigma_s),
                 "scene.volumes.fog.asymmetry": show([scene.medium.g] * 3)}
     if scene.room:
-        # Only boundaries name volumes. The same one on both sides would bend light wrongly, so none stands for vacuum
-        # where it is on both.
-        out |= {"scene.world.volume.default": "fog", "scene.volumes.clear.type": "clear",
-                "scene.volumes.clear.absorption": "0 0 0"}
+        out["scene.world.volume.default"] = "fog"
     for name, material in scene.materials.items():
         key = f"scene.materials.{name}"
         if isinstance(material, Diffuse):
             out |= {f"{key}.type": "matte", f"{key}.kd": show(material.reflectance)}
         elif isinstance(material, Glass):
+            # Volumes have the indices: where there are any, those of the material bend light wrongly.
+            inside = "fog" if material.filled else f"inside-{name}"
             out |= {f"{key}.type": "glass", f"{key}.kr": "1 1 1", f"{key}.kt": "1 1 1",
-                    f"{key}.interiorior": material.ior, f"{key}.exteriorior": 1}
+                    f"{key}.volume.interior": inside, f"scene.volumes.{inside}.ior": material.ior}
+            if not material.filled:
+                out |= {f"scene.volumes.{inside}.type": "clear", f"scene.volumes.{inside}.absorption": "0 0 0"}
             if scene.room:
-                out |= {f"{key}.volume.interior": "clear", f"{key}.volume.exterior": "fog"}
-            elif material.filled:
-                out |= {f"{key}.volume.interior": "fog"}
+                out[f"{key}.volume.exterior"] = "fog"
         else:
             out |= {f"{key}.type": "mirror", f"{key}.kr": show(material.reflectance)}
     for lamp in scene.lamps:
@@ -79,7 +80,7 @@ def render(job):
     source = SCENES[job.scene].check() if job.check else SCENES[job.scene]
     mode = job.mode or SETTINGS.get(source.name, "bidirvm")
     scene = pyluxcore.Scene()
-    scene.Parse(made(properties(source, job.folder)))
+    scene.Parse(made(properties(source, job.size, job.folder)))
     depth = source.depth
     config = {"film.width": job.size, "film.height": job.size, "film.filter.type": "BOX", "film.filter.xwidth": 0.5,
               "film.filter.ywidth": 0.5, "renderengine.seed": job.seed + 1, "native.threads.count": job.threads,

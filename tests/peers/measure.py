@@ -70,7 +70,7 @@ def seconds_to(points, error):
     """Seconds to an error by points of (seconds, error), and whether they are extrapolated.
 
     Straight in log-log. Beyond the points it falls as the nearest two say, but as t^-1 at most (nothing here is faster)
-    and as t^-0.25 at least.
+    and as t^-0.5 at least: single bright pixels may hide that it falls.
     """
     (t, e), known = np.log(np.array(points, float)).T, np.log(error)
     if len(t) == 1:
@@ -81,5 +81,5 @@ def seconds_to(points, error):
         if e[i + 1] <= known < e[i]:
             return float(np.exp(t[i] + (known - e[i]) / (e[i + 1] - e[i]) * (t[i + 1] - t[i]))), False
     side = (0, 1, 0) if known > e[0] else (-2, -1, -1)
-    slope = np.clip((e[side[1]] - e[side[0]]) / (t[side[1]] - t[side[0]]), -1, -0.25)
+    slope = np.clip((e[side[1]] - e[side[0]]) / (t[side[1]] - t[side[0]]), -1, -0.5)
     return float(np.exp(t[side[2]] + (known - e[side[2]]) / slope)), True

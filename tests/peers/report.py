@@ -28,6 +28,8 @@ def number(value):
 
 def duration(points, error):
     seconds, guessed = measure.seconds_to(points, error)
+    if seconds > 100 * points[-1][0]:
+        return f"> {100 * points[-1][0]:,.0f} s"
     digits = seconds if seconds == 0 else round(seconds, 1 - int(np.floor(np.log10(seconds))))
     return f"{'≈ ' if guessed else ''}{digits:,.{0 if digits >= 10 else 1}f} s"
 
@@ -106,8 +108,9 @@ def write(bench, versions, results):
     for name, result in results.items():
         scene, reference = SCENES[name], result["reference"]
         out += ["", f"## {name}", "", scene.title + ".", ""]
-        out += [f"- Check of {NAMES[peer]}: " + (str(check) if check else "failed to render")
-                + ("." if check and check.usable else ". It was not timed.") for peer, check in result["checks"].items()]
+        for peer, check in result["checks"].items():
+            out.append(f"- Check of {NAMES[peer]}: {check or 'failed to render'}."
+                       + ("" if check and check.usable else " It was not timed."))
         if reference is None:
             out += ["", "There is no reference."]
             continue
@@ -118,7 +121,7 @@ def write(bench, versions, results):
             line += f" {NAMES[peer]} after {seconds:g} s: {agreement}."
         rows, common = table(result, reference)
         if any(check and check.usable and not check.good for check in result["checks"].values()):
-            line += "\n- What is not quite the same has an error that does not vanish, about the square of the difference."
+            line += "\n- Where it is not quite the same, an error of about the square of the difference remains."
         out += [line, "", *rows]
         if common:
             out += ["", f"A is a relMSE of {number(common[0])}; B is one of {number(common[1])} without the worst "

@@ -29,23 +29,26 @@ class Agreement:
         def ratio(measure):
             a, b = (np.array([measure(image) for image in images]) for images in (ours, theirs))
             means = a.mean(0), b.mean(0)
-            error = [x.std(0, ddof=1) / np.sqrt(len(x)) / x.mean(0) for x in (a, b)]
-            return means[0] / means[1], np.hypot(*error) * means[0] / means[1]
+            # A part may be black after a moment.
+            error = [x.std(0, ddof=1) / np.sqrt(len(x)) / np.maximum(x.mean(0), 1e-9) for x in (a, b)]
+            return means[0] / means[1], np.hypot(*error) * np.maximum(means[0] / means[1], 1e-9)
 
         self.mean, self.error = ratio(np.mean)
         parts, errors = (values.ravel() for values in ratio(tiles))
         # The part that is off by most, less what noise explains.
         worst = np.argmax(np.abs(parts - 1) - 3 * errors)
         self.part, self.part_error = parts[worst], errors[worst]
+        self.clear = bool(0 < self.error < 0.03 and self.mean > 0.01)
         # Three standard errors of so few pictures are not rare in 16 parts.
         self.good = bool(abs(self.mean - 1) < 3 * self.error + 0.01
                          and abs(self.part - 1) < 4 * self.part_error + 0.03)
         # A difference d of all pixels adds d^2 to the relMSE: below this it is small beside what is measured.
-        self.usable = self.good or bool(abs(self.mean - 1) < 3 * self.error + 0.1)
+        self.usable = self.clear and (self.good or bool(abs(self.mean - 1) < 3 * self.error + 0.1))
 
     def __str__(self):
         return (f"mean {self.mean:.3f} ± {self.error:.3f}, worst of 16 parts {self.part:.3f} ± {self.part_error:.3f}"
-                + ("" if self.good else ": NOT QUITE THE SAME" if self.usable else ": NOT THE SAME"))
+                + (": TOO NOISY TO TELL" if not self.clear else "" if self.good else
+                   ": NOT QUITE THE SAME" if self.usable else ": NOT THE SAME"))
 
 
 class Reference:

@@ -46,6 +46,7 @@ CONTENTS = """\
 - [Method](docs/method.md)
 - [Measurements](docs/measurements.md)
 - [Regret](docs/regret.md)
+- [Other renderers](docs/peers.md)
 - [Notes](docs/notes.md)
 
 # Working on it

@@ -165,7 +165,7 @@ fn transparency(given: u32, at: SurfacePoint) -> f32 {
     shares[0] = 1.0;
     var waiting = 1u;
     var through = 0.0;
-    for (var turn = 0u; turn < 64u && waiting > 0u; turn++) {
+    for (var turn = 0u; turn < 128u && waiting > 0u; turn++) {
         waiting -= 1u;
         let number = numbers[waiting];
         let bits = materials[number].bits;

@@ -10,14 +10,35 @@
 //! ```
 //!
 //! **Data.** `settings` holds the options; `loaded` reads their scene and lets a pilot choose what neither sets. `job`
-//! turns that into a job for the coordinator, and `directory` finds what an earlier run left of it. `conduct` serves the
-//! job until it ends, shows its progress, and writes the image. `frames` does so for the frames of an animation.
+//! turns that into a job for the coordinator, and `directory` finds what an earlier run left of it. `conduct` serves
+//! the job until it ends, shows its progress, and writes the image. `frames` does so for the frames of an animation.
 //!
 //! **Entrance.** [`command`] parses the arguments, runs a subcommand and returns its exit code. Programs without a
 //! command line, such as the Python package, use [`embedded`].
 //!
 //! **Where to look.** Most subcommands have a file of their name; `live` has a folder, and those that measure are in
 //! `measure`.
+//!
+//! # Example
+//!
+//! ```
+//! use beamfarm_command::embedded::{Asked, explain};
+//! use beamfarm_scene::SceneText;
+//!
+//! let text = r#"
+//! image = { width = 32, height = 24 }
+//! camera = { origin = [0, 0, 3], target = [0, 0, 0], fov = 40 }
+//! shapes = [{ type = "sphere", center = [0, 0, 0], radius = 1 }]
+//! lights = [{ type = "point", position = [2, 2, 3], power = 100 }]
+//! "#;
+//! let scene = SceneText { path: "ball.toml".into(), text: text.into(), ..SceneText::default() };
+//! let asked = Asked { scene: scene.into(), seed: Some(7), ..Asked::default() };
+//! // Told every tenth of a second how far it is; false would stop it.
+//! let explained = explain(&asked, &mut |_| true)?;
+//! assert_eq!((explained.size, explained.settings.seed), ([32, 24], 7));
+//! assert!(explained.text.contains("photons"), "{}", explained.text);
+//! # Ok::<(), beamfarm_command::embedded::Failure>(())
+//! ```
 
 mod address;
 mod again;

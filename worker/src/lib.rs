@@ -15,6 +15,32 @@
 //! ```
 //!
 //! Rendering has its own threads, so that it cannot starve the heartbeat, and waits neither for leases nor for uploads.
+//!
+//! # Example
+//!
+//! ```no_run
+//! use beamfarm_worker::offer::Offered;
+//! use beamfarm_worker::security::Credentials;
+//! use beamfarm_worker::{Config, Summary, WorkerError, run};
+//! use std::time::Duration;
+//!
+//! async fn work() -> Result<Summary, WorkerError> {
+//!     let config = Config {
+//!         url: "http://127.0.0.1:7325".into(),
+//!         credentials: Credentials::default(),
+//!         threads: 4,
+//!         at_once: None,
+//!         name: "bench".into(),
+//!         state: None,
+//!         cache: None,
+//!         patience: Duration::from_secs(60),
+//!         grace: Duration::from_secs(10),
+//!     };
+//!     // Sending true asks it to finish.
+//!     let (_finish, drain) = tokio::sync::watch::channel(false);
+//!     run(config, Offered::processors(), drain).await
+//! }
+//! ```
 
 mod cache;
 mod canary;

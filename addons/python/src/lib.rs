@@ -1,5 +1,15 @@
-//! The compiled part of the Python package `beamfarm`. Users see the package's Python files; this module is private to
-//! them.
+//! What does Python get of the renderer? This is the compiled part of the package `beamfarm`. Users see the package's
+//! Python files; this module is private to them.
+//!
+//! ```text
+//!                       ┌─ scene            dicts <-> TOML text, extents
+//! beamfarm/*.py ─ _native ─ jobs, passes    explain, render, sample, pass by pass ── beamfarm_command::embedded
+//!                       ├─ image, pixels    arrays of an image, EXR files, differences
+//!                       └─ remote           a job that runs elsewhere
+//! ```
+//!
+//! The module `_native` is the entrance. Data that cross it are text, bytes and numpy arrays. `docs/python.md` has the
+//! examples, which are tested.
 //!
 //! Nothing is printed. Other Python threads continue during a render. Ten times a second the waiting thread is asked
 //! whether to continue, which is when Ctrl-C takes effect.

@@ -22,6 +22,36 @@
 //!
 //! **Where to look.** [`ledger`] is the state machine of leases, without clock or network; [`farm`] ties it to the sum.
 //! [`watch`] serves those who look on. [`security`] decides who is admitted, and [`limits`] how much each peer may use.
+//!
+//! # Example
+//!
+//! The ledger of a job with three passes, and a worker that renders them:
+//!
+//! ```
+//! use beamfarm_coordinator::ledger::{Ledger, Rules};
+//! use beamfarm_proto::Grant;
+//! use std::time::Duration;
+//!
+//! let now = Duration::ZERO;
+//! let rules = Rules {
+//!     first_pass: 0,
+//!     passes: 3,
+//!     lease: Duration::from_secs(30),
+//!     failures_per_pass: 3,
+//!     failures_per_worker: 5,
+//!     refusals_per_worker: 2,
+//!     back_off: Duration::ZERO,
+//!     audit_every: 0,
+//!     audit_salt: [0; 32],
+//! };
+//! let mut ledger = Ledger::new(rules, 0);
+//! let worker = ledger.register("bench", 8, Some([0; 32]), None, now).expect("it is welcome");
+//! while let Ok(Grant::Lease(lease, block)) = ledger.lease(worker, now) {
+//!     let pixels = [block.start() as u8; 32];
+//!     ledger.accept(worker, lease, block, pixels, now).expect("it counts");
+//! }
+//! assert_eq!((ledger.prefix(), ledger.is_complete()), (3, true));
+//! ```
 
 mod arriving;
 mod chunks;

@@ -17,6 +17,22 @@
 //!                  └── photons: a hierarchy ─────── estimate ─┘
 //! ```
 //!
+//! The first pass of a job, on the best device there is:
+//!
+//! ```
+//! use beamfarm_gpu::device::Choice;
+//! use beamfarm_gpu::pass::GpuPass;
+//! use beamfarm_gpu::self_test::Tested;
+//! use beamfarm_render::plan::RenderPlan;
+//! use beamfarm_render::plan::engine::PassImage;
+//! use beamfarm_render::world::Scene;
+//!
+//! fn first_pass(scene: &Scene, plan: &RenderPlan) -> beamfarm_gpu::error::Result<PassImage> {
+//!     let tested = Tested::open(&Choice::Best)?;
+//!     GpuPass::new(&tested, scene, plan)?.render(0)
+//! }
+//! ```
+//!
 //! | question                                          | module             |
 //! | ------------------------------------------------- | ------------------ |
 //! | which devices are there, and what do they run?    | [`device`]         |

@@ -1,8 +1,30 @@
-//! Statistics for tests of random code: chi-square tests of samplers against their densities, z-tests of estimates.
-//! Also the readers that are fuzzed.
+//! Is random code right? Statistics for tests of it, and what tests share: scenes with known radiance, random scenes,
+//! other renderers to compare with, and the readers that are fuzzed.
 //!
-//! A test states its significance: how often it would fail if everything were right. Seeds are fixed, so a passing test
-//! keeps passing; when the code changes, the significance says what to expect from the new draw.
+//! ```text
+//! text ── render::scene ── Scene ─┬─ render::blocks: our passes ───────┐
+//!                                 └─ render::truth: the path tracer ───┴─ same_blocks ─┐
+//! a sampler and its density ── Chi2 ──────────────────────────────────── chi2 ─────────┼─ Suite ── finish
+//! samples of a known mean ── MeanEstimate ────────────────────────────── mean ─────────┘
+//! ```
+//!
+//! The entrance is [`Suite`]. It takes p-values and judges them together. A test states its significance: how often it
+//! would fail if everything were right. Seeds are fixed, so a passing test keeps passing; when the code changes, the
+//! significance says what to expect from the new draw.
+//!
+//! # Example
+//!
+//! ```
+//! use beamfarm_harness::{MeanEstimate, Suite};
+//!
+//! let mut mean = MeanEstimate::new();
+//! for i in 0..1000 {
+//!     mean.add(f64::from(i * 7919 % 1000) / 999.0);
+//! }
+//! let mut suite = Suite::new(1e-2);
+//! suite.mean("numbers from 0 to 1", &mean, 0.5);
+//! suite.finish();
+//! ```
 
 pub mod browser;
 pub mod chi2;

@@ -254,3 +254,42 @@ pub fn found_once(scene: &Scene, ways: &[[Option<Technique>; 3]], images: u64) {
     }
     suite.finish();
 }
+
+/// A lamp over a glass ball, on a ground of this size.
+pub fn on_a_ground(size: f32) -> String {
+    format!(
+        r#"
+[image]
+width = 32
+height = 32
+[render]
+passes = 128
+paths = 8000
+radius = 0.02
+[camera]
+origin = [0.2, 1.6, 2.2]
+target = [-0.35, 0.0, -0.1]
+fov = 30.0
+[materials.floor]
+type = "diffuse"
+reflectance = 0.5
+two_sided = true
+[materials.glass]
+type = "dielectric"
+ior = 1.57
+[[shapes]]
+type = "rectangle"
+transform = [{{ rotate = {{ axis = [1, 0, 0], angle = -90 }} }}, {{ scale = {size} }}]
+material = "floor"
+[[shapes]]
+type = "sphere"
+center = [-0.45, 0.56, -0.045]
+radius = 0.186
+material = "glass"
+[[shapes]]
+type = "rectangle"
+transform = [{{ scale = 0.08 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }}, {{ translate = [0.0, 2.2, 0.2] }}]
+emission = {{ radiance = 55.0 }}
+"#
+    )
+}

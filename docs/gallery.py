@@ -24,12 +24,24 @@ LARGEST = 250_000
 
 # Passes and pixels a row. Everything else is the scene's.
 PICTURES = {
+    "bumpy-sphere": (400, 1280),
+    "chandelier": (400, 1280),
+    "cloud": (600, 1280),
+    "diamond": (400, 1280),
     "disco": (240, 1280),
+    "headlights": (400, 1280),
     "hero": (160, 1280),
+    "hotel-night": (1000, 1280),
     "laser": (160, 1280),
+    "light-linking": (400, 1280),
     "lighthouse": (200, 1280),
+    "ocean": (400, 1280),
+    "pool": (400, 1280),
     "rainbow": (400, 1280),
+    "sphere-caustic": (400, 1280),
     "street": (200, 1280),
+    "wax": (1000, 1280),
+    "welding": (400, 1280),
 }
 
 

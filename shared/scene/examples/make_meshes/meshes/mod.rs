@@ -5,6 +5,7 @@
 
 mod ball;
 mod car;
+mod chandelier;
 mod cloth;
 mod cut;
 mod house;
@@ -75,6 +76,8 @@ pub fn all() -> Vec<(&'static str, Mesh)> {
         ("prism-ground.ply", cut::prism_ground()),
         ("brilliant.ply", cut::brilliant()),
         ("emerald-cut.ply", cut::emerald_cut()),
+        ("crystal-drop.ply", cut::drop()),
+        ("chandelier.ply", chandelier::frame()),
     ]
 }
 

@@ -8,6 +8,7 @@ mod car;
 mod chandelier;
 mod cloth;
 mod cut;
+mod hand;
 mod house;
 mod land;
 mod lathe;
@@ -78,6 +79,7 @@ pub fn all() -> Vec<(&'static str, Mesh)> {
         ("emerald-cut.ply", cut::emerald_cut()),
         ("crystal-drop.ply", cut::drop()),
         ("chandelier.ply", chandelier::frame()),
+        ("hand.ply", hand::hand()),
     ]
 }
 

@@ -35,8 +35,7 @@ const STEM: [[f64; 2]; 14] = [
 /// Hoops that crystals hang from: radius, height.
 const HOOPS: [(f64, f64); 3] = [(0.50, -0.30), (0.28, -0.56), (0.24, 0.70)];
 
-/// A tube of a radius along the curve `at(t)` with the tangent `along(t)`, both in the plane of the z axis and the
-/// azimuth `turn`.
+/// A tube along an arm, in the plane of the z axis and the azimuth `turn`.
 fn arm(mesh: &mut Mesh, turn: f64, radius: f64) {
     const ROWS: u32 = 24;
     const AROUND: u32 = 8;
@@ -62,10 +61,19 @@ pub fn frame() -> Mesh {
     let mut mesh = Profile::default().spline(3, &STEM).revolve(24);
     mesh.append(arms);
     for i in 0..ARMS {
-        let dish = [[0.0, 0.13], [0.03, 0.132], [0.075, 0.155], [0.078, 0.162], [0.03, 0.146], [0.0, 0.142]];
+        let dish = [
+            [0.0, 0.13],
+            [0.03, 0.132],
+            [0.075, 0.155],
+            [0.078, 0.162],
+            [0.03, 0.146],
+            [0.0, 0.142],
+        ];
         let mut dish = Profile::default().spline(2, &dish).revolve(16);
         let (sin, cos) = libm::sincos(2.0 * PI * f64::from(i) / f64::from(ARMS));
-        dish.positions.iter_mut().for_each(|p| *p += DVec3::new(0.85 * cos, 0.85 * sin, 0.0));
+        dish.positions
+            .iter_mut()
+            .for_each(|p| *p += DVec3::new(0.85 * cos, 0.85 * sin, 0.0));
         mesh.append(dish);
     }
     for (radius, height) in HOOPS {

@@ -81,7 +81,11 @@ fn distance(p: DVec3) -> f64 {
     let mut hand = joined(palm, chain(&thumb, 0.03), 0.14);
     for of in FINGERS {
         // Only near the palm is there skin between fingers.
-        hand = joined(hand, chain(&finger(of), 0.03), 0.05 + 0.06 * ((p.x + 0.1) / 0.2).clamp(0.0, 1.0));
+        hand = joined(
+            hand,
+            chain(&finger(of), 0.03),
+            0.05 + 0.06 * ((p.x + 0.1) / 0.2).clamp(0.0, 1.0),
+        );
     }
     // It ends flat, a little before the forearm's bones do.
     hand.max(p.x - 1.90)

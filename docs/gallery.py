@@ -26,13 +26,21 @@ LARGEST = 250_000
 
 # Passes and pixels a row. Everything else is the scene's.
 PICTURES = {
+    "chandelier": (400, 1280),
+    "cloud": (600, 1280),
     "disco": (240, 1280),
     "hero": (160, 1280),
     "laser": (160, 1280),
     "lighthouse": (200, 1280),
+    "ocean": (400, 1280),
+    "pool": (400, 1280),
     "rainbow": (400, 1280),
     "street": (200, 1280),
+    "wax": (1000, 1280),
+    "welding": (400, 1280),
 }
+# Denoised: smooth where light has scattered often, so that many passes more would only take away grain.
+DENOISED = {"cloud", "wax"}
 
 # Of what the path tracer and beamfarm get the same time for, on a machine that should have nothing else to do.
 PAIR = ["scenes/disco.toml", "--time", "60s", "--width", "1280"]
@@ -46,8 +54,9 @@ def render(name, time):
     output, job = JOBS / f"{name}.exr", JOBS / f"{name}.job"
     command = [BEAMFARM, "render", f"scenes/{name}.toml", "--width", str(width), "--passes", str(passes)]
     command += ["--job", job, "-o", output] + (["--time", time] if time else [])
+    command += ["--denoise"] if name in DENOISED else []
     subprocess.run([str(part) for part in command], cwd=ROOT, check=True)
-    return output.with_suffix(".png")
+    return output.with_suffix(".denoised.png" if name in DENOISED else ".png")
 
 
 def pair():

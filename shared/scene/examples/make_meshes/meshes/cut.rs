@@ -214,3 +214,28 @@ pub fn emerald_cut() -> Mesh {
     }
     intersection(&planes)
 }
+
+/// A drop of crystal with eight sides, as it hangs from a chandelier: its tip at y = -1, its flat top at y = 0.3.
+pub fn drop() -> Mesh {
+    let mut planes = vec![HalfSpace {
+        normal: DVec3::Y,
+        offset: 0.3,
+    }];
+    for i in 0..8 {
+        let azimuth = 0.25 * PI * f64::from(i);
+        let below = leaning(azimuth, 0.5 * PI + 0.3);
+        let offset = -below.y;
+        planes.extend([
+            HalfSpace { normal: below, offset },
+            HalfSpace {
+                normal: leaning(azimuth + 0.125 * PI, 0.5 * PI + 0.04),
+                offset: 0.29,
+            },
+            HalfSpace {
+                normal: leaning(azimuth, 0.9),
+                offset: 0.27,
+            },
+        ]);
+    }
+    intersection(&planes)
+}

@@ -5,8 +5,10 @@
 
 mod ball;
 mod car;
+mod chandelier;
 mod cloth;
 mod cut;
+mod hand;
 mod house;
 mod land;
 mod lathe;
@@ -75,6 +77,9 @@ pub fn all() -> Vec<(&'static str, Mesh)> {
         ("prism-ground.ply", cut::prism_ground()),
         ("brilliant.ply", cut::brilliant()),
         ("emerald-cut.ply", cut::emerald_cut()),
+        ("crystal-drop.ply", cut::drop()),
+        ("chandelier.ply", chandelier::frame()),
+        ("hand.ply", hand::hand()),
     ]
 }
 

@@ -46,7 +46,6 @@ CONTENTS = """\
 - [Method](docs/method.md)
 - [Measurements](docs/measurements.md)
 - [Regret](docs/regret.md)
-- [Other renderers](docs/peers.md)
 - [Notes](docs/notes.md)
 
 # Working on it

@@ -43,7 +43,7 @@ PICTURES = {
 DENOISED = {"cloud", "wax"}
 
 # Of what the path tracer and beamfarm get the same time for, on a machine that should have nothing else to do.
-PAIR = ["scenes/disco.toml", "--time", "60s", "--width", "1280"]
+PAIR = ["scenes/disco.toml", "--time", "20s", "--width", "640"]
 FIGURES = ROOT / "docs/figures"
 
 

@@ -118,8 +118,8 @@ impl Medium {
         }
     }
 
-    /// What becomes of a path of throughput `beta` within `length`, which may be infinite: by [`Self::sample_flight`] in
-    /// a medium that scatters; it passes any other.
+    /// What becomes of a path of throughput `beta` within `length`, which may be infinite: by [`Self::sample_flight`]
+    /// in a medium that scatters; it passes any other.
     pub fn sample_way(&self, ray: &Ray, length: f32, beta: Rgb, sampler: &mut Sampler) -> Flight {
         match self.scatters() {
             true => self.sample_flight(ray, length, beta, sampler),

@@ -26,6 +26,7 @@ LARGEST = 250_000
 
 # Passes and pixels a row. Everything else is the scene's.
 PICTURES = {
+    "bumpy-sphere": (200, 1280),
     "chandelier": (400, 1280),
     "cloud": (600, 1280),
     "disco": (240, 1280),
@@ -56,7 +57,10 @@ def render(name, time):
     command += ["--job", job, "-o", output] + (["--time", time] if time else [])
     command += ["--denoise"] if name in DENOISED else []
     subprocess.run([str(part) for part in command], cwd=ROOT, check=True)
-    return output.with_suffix(".denoised.png" if name in DENOISED else ".png")
+    picture = output.with_suffix(".denoised.png" if name in DENOISED else ".png")
+    if not picture.exists():
+        sys.exit(f"{name}: the time was too short for a picture; the same command goes on")
+    return picture
 
 
 def pair():
